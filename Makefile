@@ -1,0 +1,93 @@
+# Everything runs inside .venv; cmake and ninja come with it, so only Python >= 3.10 with venv, a C++20
+# compiler and make must be there before.
+#
+#   make demo    solve the built-in hop, write out/hop.npz and its pictures
+#   make test    C++ tests (ctest) and Python tests (pytest)
+#   make lint    ruff, mypy, clang-format
+#   make format  let ruff and clang-format rewrite the files
+#   make bench   benchmarks of the core
+#   make clean   remove build trees and results; `make distclean` removes .venv too
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+PIP := $(BIN)/python -m pip install --quiet
+
+CPP_FILES = $(shell find cpp python/bindings tests/cpp bench cuda -name '*.h' -o -name '*.cpp' \
+                    -o -name '*.cu' -o -name '*.cuh' 2>/dev/null)
+
+.PHONY: demo test test-cpp test-python lint format tidy bench clean distclean install
+.DELETE_ON_ERROR:
+
+# --- environment ---------------------------------------------------------------------------------
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
+	  || { echo "error: $(PYTHON) is older than 3.10; try make PYTHON=python3.12"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	  || { echo "error: $(PYTHON) has no venv; on Debian: apt-get install python3-venv"; exit 1; }
+	@command -v $(firstword $(CXX)) >/dev/null \
+	  || { echo "error: no C++ compiler; on Debian: apt-get install g++"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# Build tools live in .venv, so that rebuilding after an edit recompiles only what changed.
+$(VENV)/build-tools: pyproject.toml | $(BIN)/python
+	$(PIP) 'scikit-build-core>=0.11' 'pybind11>=2.12' 'cmake>=3.20' ninja
+	@touch $@
+
+$(VENV)/extra-%: $(VENV)/build-tools
+	$(PIP) --no-build-isolation -e '.[$*]'
+	@touch $@
+
+install: $(VENV)/build-tools
+	$(PIP) --no-build-isolation --no-deps -e .
+
+# --- the two commands ----------------------------------------------------------------------------
+
+demo: $(VENV)/extra-plot install
+	@mkdir -p out
+	$(BIN)/trajopt solve hop --out out/hop.npz
+	$(BIN)/trajopt plot out/hop.npz -o out/hop.png
+
+test: test-cpp test-python
+
+test-cpp: $(VENV)/build-tools
+	@.ci/native-dependency gtest/gtest.h libgtest-dev
+	cmake --preset cpu
+	cmake --build --preset cpu
+	ctest --preset cpu
+
+test-python: $(VENV)/extra-test install
+	$(BIN)/python -m pytest
+
+# --- quality -------------------------------------------------------------------------------------
+
+lint: $(VENV)/extra-dev install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
+
+format: $(VENV)/extra-dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/clang-format -i $(CPP_FILES)
+
+tidy: $(VENV)/extra-dev
+	cmake --preset cpu
+	$(BIN)/clang-tidy -p build/cpu --quiet $(filter cpp/%.cpp,$(CPP_FILES))
+
+bench: $(VENV)/build-tools
+	@.ci/native-dependency benchmark/benchmark.h libbenchmark-dev
+	cmake --preset bench
+	cmake --build --preset bench
+	@set -e; for program in $$(find build/bench/bench -maxdepth 1 -type f -perm -u+x); do \
+	  $$program; done
+
+clean:
+	rm -rf build out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+distclean: clean
+	rm -rf $(VENV)

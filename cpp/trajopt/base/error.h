@@ -1,0 +1,22 @@
+// The exceptions of the core. Bindings map each to the Python class of the same name.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace trajopt {
+
+// An argument has a value the function cannot work with: name, value, expectation.
+struct ArgumentError : std::invalid_argument {
+  using std::invalid_argument::invalid_argument;
+};
+
+// A factorization met a pivot that is zero, not a number, or of the wrong sign.
+struct FactorizationError : std::runtime_error {
+  FactorizationError(const std::string& what, long block_, int pivot_)
+      : std::runtime_error(what), block(block_), pivot(pivot_) {}
+  long block;
+  int pivot;
+};
+
+}  // namespace trajopt

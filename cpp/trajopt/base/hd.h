@@ -1,0 +1,16 @@
+// Host/device marker and the namespace in which compiled-per-instruction-set code lives.
+//
+// Numeric headers open `namespace trajopt::inline TRAJOPT_ISA`. A hot source file is compiled once
+// per instruction set (AVX2, AVX-512, portable), each time with another TRAJOPT_ISA, so that the
+// linker never merges an AVX-512 instantiation of a template into portable code.
+#pragma once
+
+#ifdef __CUDACC__
+#define TRAJOPT_HD __host__ __device__
+#else
+#define TRAJOPT_HD
+#endif
+
+#ifndef TRAJOPT_ISA
+#define TRAJOPT_ISA portable
+#endif

@@ -1,0 +1,97 @@
+// Internal forces: joint limits and self collision, cubic penalties (positive energy outside).
+//
+// Pan prints both potentials with min(., 0)^3, which attracts; here E = w max(excess, 0)^3.
+#pragma once
+
+#include "trajopt/dynamics/workspace.h"
+#include "trajopt/force/physics.h"
+
+namespace trajopt::inline TRAJOPT_ISA {
+
+// Limits of slides and hinges at one node: gradient into fd, second derivative into the diagonal.
+template <class S, Chart C, bool Derivatives>
+TRAJOPT_HD inline void add_joint_limits(const ModelView& model, const Physics& physics, const S* q,
+                                        S* fd, S* jacobian) {
+  if (physics.limit <= 0) return;
+  const S w3 = S(3.0 * physics.limit), w6 = S(6.0 * physics.limit);
+  for (int j = 0; j < model.ndof; ++j) {
+    const Joint& joint = model.joints[model.dof_joint[j]];
+    if (joint.type == JointType::ball) continue;
+    const S x = q[C == Chart::vector ? joint.dof : joint.q];
+    const S under = max(S(model.lower[j]) - x, S(0.0));
+    const S over = max(x - S(model.upper[j]), S(0.0));
+    fd[j] += w3 * (over * over - under * under);
+    if constexpr (Derivatives) jacobian[j * model.ndof + j] += w6 * (over + under);
+  }
+}
+
+template <class S>
+struct Overlap {  // of one sphere pair: E = w depth^3
+  Vec3<S> a, b, direction;  // centres; unit vector from b to a
+  S distance, depth;
+};
+
+template <class S>
+TRAJOPT_HD inline Overlap<S> sphere_overlap(const SpherePair& pair, const Transform<S>* joints) {
+  Overlap<S> o;
+  o.a = apply(joints[pair.a.joint], broadcast3<S>(pair.a.position));
+  o.b = apply(joints[pair.b.joint], broadcast3<S>(pair.b.position));
+  const Vec3<S> r = o.a - o.b;
+  o.distance = max(sqrt(dot(r, r)), S(1e-12));  // coincident centres push along no direction
+  o.direction = (S(1.0) / o.distance) * r;
+  o.depth = max(S(pair.a.radius + pair.b.radius) - o.distance, S(0.0));
+  return o;
+}
+
+template <class S>
+TRAJOPT_HD inline void add_self_collision_wrenches(const ModelView& model, const Physics& physics,
+                                                   int a, DynamicsWorkspace<S>& ws) {
+  for (int k = 0; k < model.npair; ++k) {
+    const SpherePair& pair = model.pairs[k];
+    const Overlap<S> o = sphere_overlap(pair, ws.joints[a]);
+    if (!any(o.depth > S(0.0))) continue;
+    const S slope = S(-3.0 * physics.self_collision) * o.depth * o.depth;  // dE/d distance
+    Wrench<S>& wa = ws.wrenches[a][pair.a.joint];
+    Wrench<S>& wb = ws.wrenches[a][pair.b.joint];
+    wa.force = fma(slope, o.direction, wa.force);
+    add_outer(wa.moment, slope, o.direction, o.a);
+    wb.force = fma(-slope, o.direction, wb.force);
+    add_outer(wb.moment, -slope, o.direction, o.b);
+    ws.touched[a][pair.a.joint] = ws.touched[a][pair.b.joint] = 1;
+  }
+}
+
+// J_r^T [E'' u u^T + (E'/L)(I - u u^T)] J_r with J_r = dP_a/dx - dP_b/dx: couples branches.
+template <class S>
+TRAJOPT_HD inline void add_self_collision_stiffness(const ModelView& model, const Physics& physics,
+                                                    int node, const DynamicsWorkspace<S>& ws,
+                                                    S* jacobian) {
+  const Twist<S>* twists = ws.twists[node];
+  const auto last_dof = [&](int joint) {
+    return model.joints[joint].dof + model.joints[joint].ndof() - 1;
+  };
+  for (int k = 0; k < model.npair; ++k) {
+    const SpherePair& pair = model.pairs[k];
+    const Overlap<S> o = sphere_overlap(pair, ws.joints[node]);
+    if (!any(o.depth > S(0.0))) continue;
+    const S w = S(physics.self_collision);
+    const S slope_over_length = S(-3.0) * w * o.depth * o.depth / o.distance;
+    const S along = S(6.0) * w * o.depth - slope_over_length;
+    // sign * dP/dx_j for j on either chain; on the shared part both contribute.
+    const auto row = [&](int end, int j) {
+      return end == 0 ? point_velocity(twists[j], o.a) : S(-1.0) * point_velocity(twists[j], o.b);
+    };
+    const int start[2] = {last_dof(pair.a.joint), last_dof(pair.b.joint)};
+    for (int e = 0; e < 2; ++e) {
+      for (int j = start[e]; j >= 0; j = model.dof_parent[j]) {
+        const Vec3<S> rj = row(e, j);
+        const Vec3<S> t = fma(along * dot(o.direction, rj), o.direction, slope_over_length * rj);
+        for (int f = 0; f < 2; ++f)
+          for (int l = start[f]; l >= 0; l = model.dof_parent[l])
+            jacobian[j * model.ndof + l] += dot(t, row(f, l));
+      }
+    }
+  }
+}
+
+}  // namespace trajopt::inline TRAJOPT_ISA

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace trajopt::bindings {
+
+void register_linalg(pybind11::module_& m);
+void register_model(pybind11::module_& m);
+void register_problem(pybind11::module_& m);
+void register_solver(pybind11::module_& m);
+
+}  // namespace trajopt::bindings

@@ -1,0 +1,19 @@
+// The extension module `trajopt._core`: one file per core folder registers its own part.
+#include <pybind11/pybind11.h>
+
+#include "bindings.h"
+#include "trajopt/base/error.h"
+#include "trajopt/base/isa.h"
+#include "trajopt/base/parallel.h"
+
+namespace py = pybind11;
+
+PYBIND11_MODULE(_core, m) {
+  m.doc() = "Compiled core of trajopt.";
+  m.attr("__version__") = TRAJOPT_VERSION;
+  m.def("isa", [] { return trajopt::isa_name(trajopt::active_isa()); },
+        "Instruction set the hot code runs with: portable, avx2 or avx512.");
+  m.def("hardware_threads", &trajopt::hardware_threads);
+  py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
+  trajopt::bindings::register_model(m);
+}

@@ -1,0 +1,105 @@
+"""Contact-aware trajectory optimization: contacts are discovered, not scheduled.
+
+Examples
+--------
+>>> import trajopt
+>>> model = trajopt.load_model("ball")
+>>> model.nbodies
+1
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trajopt import linalg, objectives
+    from trajopt.audit import Audit
+    from trajopt.errors import (
+        ArgumentError,
+        ArgumentTypeError,
+        DeviceError,
+        FactorizationError,
+        MissingDependencyError,
+        ModelError,
+        ModelWarning,
+        TrajoptError,
+    )
+    from trajopt.model import Model, load_model
+    from trajopt.problem import Problem
+    from trajopt.records import IterationRecord
+    from trajopt.scenarios import Scenario, ScenarioError, list_scenarios, load_scenario
+    from trajopt.solution import Solution
+    from trajopt.solver import solve
+    from trajopt.status import Status
+    from trajopt.storage import FileFormatError
+    from trajopt.world import Contact, Plane, World
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ArgumentError",
+    "ArgumentTypeError",
+    "Audit",
+    "Contact",
+    "DeviceError",
+    "FactorizationError",
+    "FileFormatError",
+    "IterationRecord",
+    "MissingDependencyError",
+    "Model",
+    "ModelError",
+    "ModelWarning",
+    "Plane",
+    "Problem",
+    "Scenario",
+    "ScenarioError",
+    "Solution",
+    "Status",
+    "TrajoptError",
+    "World",
+    "__version__",
+    "linalg",
+    "list_scenarios",
+    "load_model",
+    "load_scenario",
+    "objectives",
+    "solve",
+]
+
+# Where each public name lives. Modules are imported when first asked for, so that `import trajopt`
+# and the command line start at once.
+_HOMES = {
+    "Audit": "audit",
+    "Contact": "world",
+    "FileFormatError": "storage",
+    "IterationRecord": "records",
+    "Model": "model",
+    "Plane": "world",
+    "Problem": "problem",
+    "Scenario": "scenarios",
+    "ScenarioError": "scenarios",
+    "Solution": "solution",
+    "Status": "status",
+    "World": "world",
+    "list_scenarios": "scenarios",
+    "load_model": "model",
+    "load_scenario": "scenarios",
+    "solve": "solver",
+}
+_MODULES = ("linalg", "objectives")
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"trajopt.{name}")
+    if name not in __all__:
+        raise AttributeError(f"module 'trajopt' has no attribute {name!r}")
+    value = getattr(import_module(f"trajopt.{_HOMES.get(name, 'errors')}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,119 @@
+"""``trajopt solve``."""
+
+from __future__ import annotations
+
+import json as json_module
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trajopt.records import continued
+from trajopt.scenarios import Scenario, ScenarioError, load_scenario
+from trajopt.scenarios.schema import check_schema
+
+if TYPE_CHECKING:
+    from trajopt.solution import Solution
+
+__all__ = ["solve"]
+
+
+def solve(
+    scenario: Annotated[
+        str | None,
+        typer.Argument(help="Name of a built-in scenario, or a TOML file.", show_default=False),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Trajectory to write; out/SCENARIO.npz by default.")
+    ] = None,
+    device: Annotated[str, typer.Option(help="cpu, cuda or auto.")] = "auto",
+    threads: Annotated[int | None, typer.Option(help="CPU threads; all by default.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(help="default, paper, lm, lbfgs, ipopt or cio; else the scenario's."),
+    ] = None,
+    max_iterations: Annotated[
+        int | None, typer.Option(help="Stop after this many iterations.")
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Change a scenario entry: grid.dt=0.02"),
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Continue from this checkpoint or trajectory.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object, no table.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no iterations.")] = False,
+) -> None:
+    """Find a motion and write it to a file.
+
+    While it works, the best motion so far is kept beside the output as a checkpoint. Ctrl-C stops
+    the solver and writes the best motion.
+    """
+    import trajopt
+    from trajopt.progress import CheckpointWriter, chain, printer
+
+    start = None if resume is None else trajopt.Solution.load(resume)
+    chosen = _scenario(scenario, start).override(assignments or [])
+    target = Path("out") / f"{chosen.name}.npz" if out is None else out
+    problem, options = chosen.build()
+    given = {"method": method, "max_iterations": max_iterations, "threads": threads}
+    options |= {key: value for key, value in given.items() if value is not None}
+
+    origin = {
+        "scenario": {
+            "name": chosen.name,
+            "settings": chosen.settings,
+            "folder": str(chosen.folder),
+        }
+    }
+    checkpoint = target.with_suffix(".checkpoint.npz")
+    with nullcontext() if json or quiet else printer() as show:
+        solution = trajopt.solve(
+            problem,
+            device=device,
+            warm_start=start,
+            callback=chain(show, CheckpointWriter(checkpoint, settings=origin)),
+            **options,
+        )
+    if start is not None:
+        solution.history = continued(start.history, solution.history)
+    solution.settings |= origin
+    solution.save(target)
+    checkpoint.unlink(missing_ok=True)
+    _report(solution, target, as_json=json)
+    raise typer.Exit(0 if solution.converged else 1)
+
+
+def _scenario(name: str | None, start: Solution | None) -> Scenario:
+    """Return the scenario called `name`, or the one that `start` was solved for."""
+    if name is not None:
+        return load_scenario(name)
+    if start is None:
+        raise ScenarioError("name a scenario: `trajopt scenarios` lists the built-in ones")
+    origin = start.settings.get("scenario")
+    if origin is None:
+        raise ScenarioError("the file to resume does not say which scenario it is of: name it")
+    check_schema(origin["settings"])
+    return Scenario(origin["name"], origin["settings"], Path(origin["folder"]))
+
+
+def _report(solution: Solution, target: Path, *, as_json: bool) -> None:
+    figures: dict[str, Any] = {**solution.summary(), "out": str(target)}
+    if as_json:
+        typer.echo(json_module.dumps(figures))
+        return
+    typer.echo(f"{solution.status}: {solution.message}")
+    typer.echo(
+        f"  {figures['iterations']} iterations, {figures['seconds']:.1f} s,"
+        f" objective {solution.objective:.6g}"
+    )
+    for name, label in (
+        ("frame_violation_max", "physics on the frames, max"),
+        ("frame_violation_rms", "physics on the frames, rms"),
+        ("fine_violation_rms", "physics between frames, rms"),
+    ):
+        if figures[name] is not None:
+            typer.echo(f"  {label}: {figures[name]:.2e} of the body weight")
+    typer.echo(f"  written: {target}")

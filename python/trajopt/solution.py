@@ -1,0 +1,216 @@
+"""The result of a solve: motion, torques, contact forces and how well physics holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trajopt.records import IterationRecord
+from trajopt.status import Status
+
+if TYPE_CHECKING:
+    import os
+
+    from trajopt.audit import Audit
+    from trajopt.model import Model
+
+__all__ = ["Solution"]
+
+FloatArray = NDArray[np.float64]
+
+
+def _empty(*shape: int) -> Any:
+    """Return a dataclass field whose default is an array of zeros of `shape`."""
+    return field(default_factory=lambda: np.zeros(shape))
+
+
+@dataclass(eq=False)
+class Solution:
+    """A motion found by `trajopt.solve`.
+
+    D degrees of freedom, N frames, Z control points, P contact points, nu actuated degrees of
+    freedom. SI units, radians, z up.
+
+    Parameters
+    ----------
+    model : Model
+        The character that moves.
+    status : Status
+        Why the solver stopped.
+    message : str
+        The same in a sentence with the numbers that caused it.
+    x : (N, D) array
+        Generalized coordinates of every frame [m, rad].
+    times : (N,) array
+        Time of every frame [s].
+    dt : float
+        Time step [s]; the median step when the grid is not uniform.
+    u : (N, nu) array
+        Generalized forces of the actuated degrees of freedom [N, N·m].
+    control_points : (Z, 2, D) array
+        Value and time derivative of the coordinates at the knots of the grid [m, rad, 1/s].
+    contact_forces, contact_points : (N, P, 3) arrays
+        Force of the world on every contact point [N] and where it acts [m].
+    center_of_mass : (N, 3) array
+        Center of mass of the character [m].
+    iterations : int
+        Number of solver iterations over all stages.
+    objective : float
+        Weighted sum of all objective terms (dimensionless).
+    objective_terms : dict of str to float
+        The same by name of the term.
+    constraint_violation : float
+        ‖C‖∞ of the (reduced) dynamics constraints [N, N·m].
+    frame_violation : (N,) array
+        Largest unactuated residual of every frame [N, N·m].
+    fine_violation : (4N,) array
+        The same between the frames, four points a frame [N, N·m].
+    body_weight : float
+        Weight of the character, by which violations are compared [N].
+    seconds : float
+        Wall time of the solve [s].
+    device : str
+        Where it ran: ``cpu`` or ``cuda``.
+    ordering : str
+        Elimination order of the KKT system.
+    seed : int
+        Seed of the noise on the start.
+    history : list of IterationRecord
+        One record per iteration.
+    settings : dict
+        Scenario, world, contact and solver settings: JSON values, enough to solve again.
+
+    Examples
+    --------
+    >>> import trajopt
+    >>> ball = trajopt.load_model("ball")
+    >>> still = Solution(
+    ...     ball, Status.SOLVED, "at rest", x=np.zeros((4, ball.ndof)), times=np.arange(4) * 0.1, dt=0.1
+    ... )
+    >>> still.frames, still.converged
+    (4, True)
+    """
+
+    model: Model
+    status: Status
+    message: str
+    x: FloatArray
+    times: FloatArray
+    dt: float
+    u: FloatArray = _empty(0, 0)
+    control_points: FloatArray = _empty(0, 2, 0)
+    contact_forces: FloatArray = _empty(0, 0, 3)
+    contact_points: FloatArray = _empty(0, 0, 3)
+    center_of_mass: FloatArray = _empty(0, 3)
+    iterations: int = 0
+    objective: float = float("nan")
+    objective_terms: dict[str, float] = field(default_factory=dict)
+    constraint_violation: float = float("nan")
+    frame_violation: FloatArray = _empty(0)
+    fine_violation: FloatArray = _empty(0)
+    body_weight: float = float("nan")
+    seconds: float = 0.0
+    device: str = "cpu"
+    ordering: str = "auto"
+    seed: int = 0
+    history: list[IterationRecord] = field(default_factory=list)
+    settings: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames N."""
+        return len(self.x)
+
+    @property
+    def converged(self) -> bool:
+        """Whether all tolerances of the solver were met."""
+        return self.status.converged
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures that describe the solve, as JSON values.
+
+        Returns
+        -------
+        dict
+            ``status``, ``message``, ``iterations``, ``objective``, ``constraint_violation``
+            [N, N·m], ``frame_violation_max``, ``frame_violation_rms``, ``fine_violation_rms``
+            (shares of the body weight), ``body_weight`` [N], ``seconds`` [s], ``device``.
+            Figures that are not known are None.
+        """
+        weight = self.body_weight
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "iterations": self.iterations,
+            "objective": _number(self.objective),
+            "constraint_violation": _number(self.constraint_violation),
+            "frame_violation_max": _number(_largest(self.frame_violation) / weight),
+            "frame_violation_rms": _number(_rms(self.frame_violation) / weight),
+            "fine_violation_rms": _number(_rms(self.fine_violation) / weight),
+            "body_weight": _number(weight),
+            "seconds": self.seconds,
+            "device": self.device,
+        }
+
+    def audit(self) -> Audit:
+        """Check the motion against physics by means that the solver did not use.
+
+        Returns
+        -------
+        Audit
+            Residuals as shares of the body weight, replay drift, residual work, penetration,
+            slip, friction cone and joint limits. See `trajopt.audit.audit`.
+        """
+        from trajopt.audit import audit
+
+        return audit(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the solution to a ``.npz`` file; `path` is replaced in one step or not at all.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write. Missing folders are made.
+        """
+        from trajopt.storage import save_solution
+
+        save_solution(self, path)
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Solution:
+        """Read a solution written by `save`. No code in the file is ever executed.
+
+        Parameters
+        ----------
+        path : path-like
+            File to read.
+
+        Returns
+        -------
+        Solution
+
+        Raises
+        ------
+        FileFormatError
+            If the file is missing, damaged or not a trajectory.
+        """
+        from trajopt.storage import load_solution
+
+        return load_solution(path)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.max(np.abs(values))) if values.size else float("nan")
+
+
+def _number(value: float) -> float | None:
+    """Return `value`, or None where JSON has no name for it."""
+    return float(value) if np.isfinite(value) else None
