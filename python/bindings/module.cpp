@@ -16,4 +16,6 @@ PYBIND11_MODULE(_core, m) {
   m.def("hardware_threads", &trajopt::hardware_threads);
   py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
   trajopt::bindings::register_model(m);
+  trajopt::bindings::register_problem(m);
+  trajopt::bindings::register_solver(m);
 }

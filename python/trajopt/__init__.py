@@ -3,9 +3,9 @@
 Examples
 --------
 >>> import trajopt
->>> model = trajopt.load_model("ball")
+>>> model = trajopt.load_model("chain")
 >>> model.nbodies
-1
+5
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
         ModelWarning,
         TrajoptError,
     )
-    from trajopt.model import Model, load_model
+    from trajopt.model import Model
+    from trajopt.models import load_model
     from trajopt.problem import Problem
     from trajopt.records import IterationRecord
     from trajopt.scenarios import Scenario, ScenarioError, list_scenarios, load_scenario
@@ -84,7 +85,7 @@ _HOMES = {
     "Status": "status",
     "World": "world",
     "list_scenarios": "scenarios",
-    "load_model": "model",
+    "load_model": "models",
     "load_scenario": "scenarios",
     "solve": "solver",
 }

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from rich.live import Live
 
-__all__ = ["CheckpointWriter", "LivePrinter", "LinePrinter", "chain", "printer"]
+__all__ = ["CheckpointWriter", "LinePrinter", "LivePrinter", "chain", "printer"]
 
 COLUMNS: tuple[tuple[str, int, Callable[[IterationRecord], str]], ...] = (
     ("it", 5, lambda r: str(r.iteration)),
@@ -206,6 +206,7 @@ def chain(*observers: Observer | None) -> Observer:
     present = [observer for observer in observers if observer is not None]
 
     def observe(record: IterationRecord) -> bool:
-        return any([observer(record) is True for observer in present])
+        answers = [observer(record) for observer in present]  # all of them, before any decides
+        return any(answer is True for answer in answers)
 
     return observe

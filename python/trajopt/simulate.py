@@ -130,7 +130,7 @@ def simulate(
     newer = stepper.wrapped(start)
     before, kept = older, [newer]
     for k in range(frames * substeps):
-        velocity = model.difference(newer, older) / step
+        velocity = model.difference(older, newer) / step
         force = drive(k, k * step, newer, velocity)
         guess = model.integrate(newer, velocity * step)
         older, newer = newer, stepper.advance(guess, newer, older, step, force)
@@ -186,4 +186,4 @@ def _start_acceleration(
     ahead = stepper.model.integrate(x, _PROBE * v)
     behind = stepper.model.integrate(x, -_PROBE * v)
     landed = probe.advance(ahead, x, behind, _PROBE, force)
-    return np.asarray((stepper.model.difference(landed, x) - _PROBE * v) / _PROBE**2)
+    return np.asarray((stepper.model.difference(x, landed) - _PROBE * v) / _PROBE**2)

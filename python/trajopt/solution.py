@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from trajopt.audit import Audit
     from trajopt.model import Model
+    from trajopt.world import Contact, World
 
 __all__ = ["Solution"]
 
@@ -46,8 +47,14 @@ class Solution:
         Generalized coordinates of every frame [m, rad].
     times : (N,) array
         Time of every frame [s].
-    dt : float
-        Time step [s]; the median step when the grid is not uniform.
+    dt : float or (N,) array
+        Time step [s], or the steps that lead to the frames of a grid that is not uniform.
+    initial : (2, D) array
+        Frames 0 and -1, from which the motion starts [m, rad].
+    world, contact : World, Contact
+        What the character touched and how.
+    integrator : str
+        Time scheme that the frames obey.
     u : (N, nu) array
         Generalized forces of the actuated degrees of freedom [N, N·m].
     control_points : (Z, 2, D) array
@@ -81,14 +88,14 @@ class Solution:
     history : list of IterationRecord
         One record per iteration.
     settings : dict
-        Scenario, world, contact and solver settings: JSON values, enough to solve again.
+        Scenario and solver settings as JSON values: what else is needed to solve again.
 
     Examples
     --------
     >>> import trajopt
-    >>> ball = trajopt.load_model("ball")
+    >>> model = trajopt.load_model("chain")
     >>> still = Solution(
-    ...     ball, Status.SOLVED, "at rest", x=np.zeros((4, ball.ndof)), times=np.arange(4) * 0.1, dt=0.1
+    ...     model, Status.SOLVED, "at rest", np.tile(model.home, (4, 1)), np.arange(4) * 0.1, 0.1
     ... )
     >>> still.frames, still.converged
     (4, True)
@@ -99,7 +106,11 @@ class Solution:
     message: str
     x: FloatArray
     times: FloatArray
-    dt: float
+    dt: float | FloatArray
+    initial: FloatArray = _empty(2, 0)
+    world: World | None = None
+    contact: Contact | None = None
+    integrator: str = "linear_acceleration"
     u: FloatArray = _empty(0, 0)
     control_points: FloatArray = _empty(0, 2, 0)
     contact_forces: FloatArray = _empty(0, 0, 3)

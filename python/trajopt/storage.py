@@ -1,11 +1,13 @@
 """Trajectory files: NumPy ``.npz`` archives without pickled objects.
 
-Arrays are stored as arrays, everything else as JSON text, the model as its XML text. See
+Arrays are stored as arrays, everything else as JSON text, the model as its XML text and, under
+names that begin with ``model.``, what was made of it. See
 ``docs/file_format.md`` for the entries. Reading a file never executes anything in it.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import zipfile
@@ -32,6 +34,8 @@ FORMAT = "trajopt-trajectory"
 VERSION = 1
 
 ARRAYS = (
+    "dt",
+    "initial",
     "x",
     "u",
     "times",
@@ -51,11 +55,13 @@ SCALARS = (
     "body_weight",
     "seconds",
     "device",
+    "integrator",
     "ordering",
     "seed",
     "settings",
 )
-REQUIRED = ("x", "u", "times", "control_points", "dt", "model", "model_data", "status", "info")
+MODEL = "model."
+REQUIRED = ("x", "u", "times", "control_points", "dt", "model", "status", "info")
 
 
 class FileFormatError(TrajoptError, ValueError):
@@ -66,16 +72,18 @@ def save_solution(solution: Solution, path: str | os.PathLike[str]) -> None:
     """Write `solution` to `path`, atomically."""
     info = {name: getattr(solution, name) for name in SCALARS}
     info["history"] = [record.to_dict() for record in solution.history]
+    info["world"] = describe(solution.world)
+    info["contact"] = describe(solution.contact)
+    model = solution.model.to_dict()
     entries: dict[str, Any] = {name: getattr(solution, name) for name in ARRAYS}
     entries |= {
         "format": np.str_(FORMAT),
         "version": np.int64(VERSION),
-        "dt": np.float64(solution.dt),
         "status": np.str_(solution.status),
-        "model": np.str_(solution.model.xml),
-        "model_data": np.str_(_dump(solution.model.to_dict())),
-        "info": np.str_(_dump(info)),
+        "model": model.pop("xml"),
+        "info": np.str_(json.dumps(info, default=_plain)),
     }
+    entries |= {MODEL + name: value for name, value in model.items()}
     write_atomically(path, lambda file: np.savez_compressed(file, **entries))
 
 
@@ -87,21 +95,24 @@ def load_solution(path: str | os.PathLike[str]) -> Solution:
     entries = _read(Path(path))
     try:
         info = json.loads(str(entries["info"]))
+        model = {name[len(MODEL) :]: entries[name] for name in entries if name.startswith(MODEL)}
+        dt = entries.pop("dt")
+        fields: dict[str, Any] = {name: entries[name] for name in ARRAYS if name in entries}
+        fields |= {name: info[name] for name in SCALARS if name in info}
         return Solution(
-            model=Model.from_dict(json.loads(str(entries["model_data"]))),
+            model=Model.from_dict({**model, "xml": entries["model"]}),
             status=Status(str(entries["status"])),
-            dt=float(entries["dt"]),
+            dt=dt if dt.ndim else float(dt),
+            world=restore(info["world"]),
+            contact=restore(info["contact"]),
             history=[IterationRecord.from_dict(values) for values in info["history"]],
-            **{name: entries[name] for name in ARRAYS if name in entries},
-            **{name: info[name] for name in SCALARS if name in info},
+            **fields,
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise FileFormatError(f"{path}: damaged trajectory file ({error})") from error
 
 
-def write_atomically(
-    path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]
-) -> None:
+def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], object]) -> None:
     """Replace the file at `path` by what `write` puts into a binary stream.
 
     Readers see the old file or the new one, never a part; if `write` fails the old one stays.
@@ -148,8 +159,28 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
     return entries
 
 
-def _dump(value: Any) -> str:
-    return json.dumps(value, default=_plain)
+def describe(thing: Any) -> Any:
+    """Return a World, Contact or obstacle as JSON values that `restore` understands."""
+    if isinstance(thing, (list, tuple)):
+        return [describe(part) for part in thing]
+    if not dataclasses.is_dataclass(thing):
+        return thing
+    parts = {f.name: describe(getattr(thing, f.name)) for f in dataclasses.fields(thing)}
+    return {"type": type(thing).__name__, **parts}
+
+
+def restore(values: Any) -> Any:
+    """Return what `describe` described; only classes of `trajopt.world` are ever made."""
+    from trajopt import world
+
+    if isinstance(values, list):
+        return [restore(part) for part in values]
+    if not isinstance(values, dict):
+        return values
+    parts = {name: restore(part) for name, part in values.items() if name != "type"}
+    if values.get("type") not in world.__all__:
+        raise ValueError(f"unknown part of a world: {values.get('type')!r}")
+    return getattr(world, values["type"])(**parts)
 
 
 def _plain(value: Any) -> Any:

@@ -21,10 +21,10 @@ struct Coupling {
 
 struct Elimination {
   int size = 0;
-  long ld = 0;                     // of w, u and the couplings' u and v
+  long ld = 0;                       // of w, u and the couplings' u and v
   const double* diagonal = nullptr;  // the block; only its lower triangle counts; may be w itself
   long diagonal_ld = 0;
-  const double* original = nullptr;  // the block before any update, leading dimension `size`
+  const double* original = nullptr;    // the block before any update, leading dimension `size`
   const signed char* signs = nullptr;  // nullptr: all positive
   double regularization = 0.0;
   double* w = nullptr;        // out: W, its strict lower triangle
@@ -45,24 +45,24 @@ struct BlockKernels {
 
   // target = source - Vt U (V: k x rows, U: k x columns), k descending. Lower triangle only when
   // `lower`; source == nullptr is zero. Columns are written up to a whole vector.
-  void (*update)(int rows, int columns, int k, const double* source, long source_ld,
-                 double* target, long target_ld, const double* v, const double* u, long ld,
-                 bool lower);
+  void (*update)(int rows, int columns, int k, const double* source, long source_ld, double* target,
+                 long target_ld, const double* v, const double* u, long ld, bool lower);
 
   // target = source^t, square.
-  void (*transpose)(int size, const double* source, long source_ld, double* target,
-                    long target_ld);
+  void (*transpose)(int size, const double* source, long source_ld, double* target, long target_ld);
 
   // x = W^-T x and x = W^-1 x for the size x m matrix x with leading dimension ldx.
   void (*substitute_transposed)(int size, const double* w, long ld, double* x, int m, long ldx);
   void (*substitute)(int size, const double* w, long ld, double* x, int m, long ldx);
 
-  // y -= Vt x (k descending), y -= V x (k ascending), y -= A x with the lower triangle of the
-  // symmetric A (k ascending).
-  void (*subtract_transposed)(int size, const double* v, long ld, const double* x, double* y, int m,
-                              long ldx, long ldy);
-  void (*subtract)(int size, const double* v, long ld, const double* x, double* y, int m, long ldx,
-                   long ldy);
+  // y -= Vt x (k descending) and y -= V x (k ascending) for the rows x columns matrix V, whose rows
+  // are padded to whole vectors or followed by more memory of the same buffer.
+  void (*subtract_transposed)(int rows, int columns, const double* v, long ld, const double* x,
+                              double* y, int m, long ldx, long ldy);
+  void (*subtract)(int rows, int columns, const double* v, long ld, const double* x, double* y,
+                   int m, long ldx, long ldy);
+
+  // y -= A x with the lower triangle of the symmetric A (k ascending).
   void (*subtract_symmetric)(int size, const double* a, long ld, const double* x, double* y, int m,
                              long ldx, long ldy);
 };
@@ -70,11 +70,11 @@ struct BlockKernels {
 // The table of an instruction set, or of the best one below it that this machine has.
 const BlockKernels& block_kernels(Isa isa);
 
-// Leading dimension of internal blocks: whole cache lines, an odd number of them, so that the rows
-// of a column tile fall into different cache sets.
+// Leading dimension of internal blocks: whole cache lines, and not a multiple of eight of them, so
+// that the rows of a column tile spread over the cache's sets.
 inline long padded(int size) {
   const long lines = (size + 7) / 8;
-  return 8 * (lines | 1);
+  return 8 * (lines % 8 == 0 ? lines + 1 : lines);
 }
 
 }  // namespace trajopt::linalg

@@ -12,12 +12,13 @@ namespace trajopt::linalg {
 SymmetricBlockTridiagonal::SymmetricBlockTridiagonal(int blocks, int size, int batch)
     : blocks_(blocks), size_(size), batch_(batch) {
   if (blocks < 1 || size < 1 || batch < 0) {
-    throw ArgumentError("a block tridiagonal matrix needs at least one block of at least one row: " +
-                        std::to_string(blocks) + " blocks of size " + std::to_string(size) +
-                        ", batch of " + std::to_string(batch));
+    throw ArgumentError(
+        "a block tridiagonal matrix needs at least one block of at least one row: " +
+        std::to_string(blocks) + " blocks of size " + std::to_string(size) + ", batch of " +
+        std::to_string(batch));
   }
-  diagonal_ = AlignedBuffer(offset(0, batch, blocks));
-  lower_ = AlignedBuffer(offset(0, batch, blocks - 1));
+  diagonal_ = BlockBuffer(offset(0, batch, blocks));
+  lower_ = BlockBuffer(offset(0, batch, blocks - 1));
 }
 
 void SymmetricBlockTridiagonal::set_zero() {
@@ -34,11 +35,12 @@ void SymmetricBlockTridiagonal::subtract_product(int item, const double* x, doub
     const double* xi = x + i * size * ldx;
     double* yi = y + i * size * ldy;
     if (i > 0) {
-      kernels.subtract(size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy);
+      kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy);
     }
     kernels.subtract_symmetric(size, diagonal(i, item), size, xi, yi, m, ldx, ldy);
     if (i + 1 < blocks_) {
-      kernels.subtract_transposed(size, lower(i, item), size, xi + size * ldx, yi, m, ldx, ldy);
+      kernels.subtract_transposed(size, size, lower(i, item), size, xi + size * ldx, yi, m, ldx,
+                                  ldy);
     }
   });
 }

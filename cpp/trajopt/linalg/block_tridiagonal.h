@@ -7,7 +7,7 @@
 
 #include <cstddef>
 
-#include "trajopt/linalg/aligned_buffer.h"
+#include "trajopt/linalg/block_buffer.h"
 
 namespace trajopt::linalg {
 
@@ -44,7 +44,7 @@ class SymmetricBlockTridiagonal {
     return (static_cast<std::size_t>(item) * per_item + i) * size_ * size_;
   }
   int blocks_ = 0, size_ = 0, batch_ = 0;
-  AlignedBuffer diagonal_, lower_;
+  BlockBuffer diagonal_, lower_;
 };
 
 }  // namespace trajopt::linalg

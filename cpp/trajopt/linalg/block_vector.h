@@ -155,25 +155,25 @@ inline void substitute(int size, const double* w, long ld, double* x, int m, lon
   });
 }
 
-inline void subtract_transposed(int size, const double* v, long ld, const double* x, double* y,
-                                int m, long ldx, long ldy) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_transposed_one(size, size, v, ld, x, y);
-  for_tiles<false>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
+inline void subtract_transposed(int rows, int columns, const double* v, long ld, const double* x,
+                                double* y, int m, long ldx, long ldy) {
+  if (m == 1 && ldx == 1 && ldy == 1) return subtract_transposed_one(rows, columns, v, ld, x, y);
+  for_tiles<false>(columns, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     Tile<MR, NV> tile;
     tile.template read<true>(y + k0 * ldy + c, ldy, tail);
-    tile.template subtract<true>(size, {v + (size - 1) * ld + k0, -ld, 1},
-                                 x + (size - 1) * ldx + c, -ldx, tail);
+    tile.template subtract<true>(rows, {v + (rows - 1) * ld + k0, -ld, 1}, x + (rows - 1) * ldx + c,
+                                 -ldx, tail);
     tile.template write<true>(y + k0 * ldy + c, ldy, tail);
   });
 }
 
-inline void subtract(int size, const double* v, long ld, const double* x, double* y, int m,
-                     long ldx, long ldy) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_one(size, size, v, ld, x, y);
-  for_tiles<false>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
+inline void subtract(int rows, int columns, const double* v, long ld, const double* x, double* y,
+                     int m, long ldx, long ldy) {
+  if (m == 1 && ldx == 1 && ldy == 1) return subtract_one(rows, columns, v, ld, x, y);
+  for_tiles<false>(rows, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     Tile<MR, NV> tile;
     tile.template read<true>(y + k0 * ldy + c, ldy, tail);
-    tile.template subtract<true>(size, {v + k0 * ld, 1, ld}, x + c, ldx, tail);
+    tile.template subtract<true>(columns, {v + k0 * ld, 1, ld}, x + c, ldx, tail);
     tile.template write<true>(y + k0 * ldy + c, ldy, tail);
   });
 }

@@ -109,9 +109,8 @@ inline Pivot eliminate(const Elimination& e) {
   Pivot pivot;
   for (int end = e.size; end > 0 && pivot.row < 0;) {
     const int rows = next_panel(end);
-    with_constant<kTileRows>(rows, [&]<int MR>() {
-      pivot.row = eliminate_panel<MR>(e, end - MR, &pivot.value);
-    });
+    with_constant<kTileRows>(
+        rows, [&]<int MR>() { pivot.row = eliminate_panel<MR>(e, end - MR, &pivot.value); });
     end -= rows;
   }
   return pivot;

@@ -30,10 +30,10 @@ Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks
       block_(ld_ * size),
       kernels_(&block_kernels(isa)) {
   if (blocks < 1 || size < 1 || batch < 0 || chunks < 1) {
-    throw ArgumentError("a factorization needs at least one block of at least one row: " +
-                        std::to_string(blocks) + " blocks of size " + std::to_string(size) +
-                        ", batch of " + std::to_string(batch) + ", " + std::to_string(chunks) +
-                        " chunks");
+    throw ArgumentError(
+        "a factorization needs at least one block of at least one row: " + std::to_string(blocks) +
+        " blocks of size " + std::to_string(size) + ", batch of " + std::to_string(batch) + ", " +
+        std::to_string(chunks) + " chunks");
   }
   schedule_ = make_schedule(blocks, resolve(ordering, blocks, batch), chunks);
   left_slot_.assign(blocks, -1);
@@ -47,12 +47,12 @@ Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks
   workers_ = std::max(2, hardware_threads());
   const long scratch_sets = batch > 1 ? std::min(workers_, batch) : 1;
   const std::size_t block_length = block_;
-  w_ = AlignedBuffer(block_length * blocks * batch);
-  couplings_ = AlignedBuffer(block_length * slots_ * batch);
-  inverse_ = AlignedBuffer(static_cast<std::size_t>(size) * blocks * batch);
-  scratch_ = AlignedBuffer(block_length * 3 * run_slots_ * scratch_sets);
-  residual_ = AlignedBuffer(static_cast<std::size_t>(size) * blocks * kRefineColumns);
-  saved_ = AlignedBuffer(static_cast<std::size_t>(size) * blocks * kRefineColumns);
+  w_ = BlockBuffer(block_length * blocks * batch);
+  couplings_ = BlockBuffer(block_length * slots_ * batch);
+  inverse_ = BlockBuffer(static_cast<std::size_t>(size) * blocks * batch);
+  scratch_ = BlockBuffer(block_length * 3 * run_slots_ * scratch_sets);
+  residual_ = BlockBuffer(static_cast<std::size_t>(size) * blocks * kRefineColumns);
+  saved_ = BlockBuffer(static_cast<std::size_t>(size) * blocks * kRefineColumns);
   failures_.resize(std::max(run_slots_, batch));
 }
 
@@ -65,7 +65,8 @@ double* Factorization::coupling(int item, int slot) const {
 }
 
 double* Factorization::scratch(int worker, int run_slot, int which) const {
-  return scratch_.data() + block_ * (3 * (static_cast<long>(worker) * run_slots_ + run_slot) + which);
+  return scratch_.data() +
+         block_ * (3 * (static_cast<long>(worker) * run_slots_ + run_slot) + which);
 }
 
 Pivot Factorization::eliminate(const SymmetricBlockTridiagonal& a, int item, const Step& step,
@@ -164,6 +165,14 @@ Factorization::Failure Factorization::factor_item(const SymmetricBlockTridiagona
   return {};
 }
 
+// No more threads than have scratch of their own, and only one where waking a second costs more
+// than it saves.
+int Factorization::useful_threads(int threads) const {
+  constexpr double kWorthwhileFlops = 5e5;
+  const double flops = 2.0 * batch_ * blocks_ * size_ * size_ * size_;
+  return flops < kWorthwhileFlops ? 1 : std::clamp(threads, 1, workers_);
+}
+
 void Factorization::factor(const SymmetricBlockTridiagonal& a, const signed char* signs,
                            double regularization, int threads) {
   if (a.blocks() != blocks_ || a.size() != size_ || a.batch() != batch_) {
@@ -174,15 +183,15 @@ void Factorization::factor(const SymmetricBlockTridiagonal& a, const signed char
                         std::to_string(batch_));
   }
   factored_ = false;
-  threads = std::clamp(threads, 1, workers_);
+  threads = useful_threads(threads);
   const auto signs_of = [&](long item) { return signs ? signs + item * a.rows() : nullptr; };
   if (batch_ == 1) {
     const Failure failure = factor_item(a, 0, signs, regularization, threads, 0);
     if (failure.block >= 0) fail(0, failure, signs, regularization);
   } else {
     parallel_for(batch_, threads, [&](long item, int worker) {
-      failures_[item] = factor_item(a, static_cast<int>(item), signs_of(item), regularization, 1,
-                                    worker);
+      failures_[item] =
+          factor_item(a, static_cast<int>(item), signs_of(item), regularization, 1, worker);
     });
     for (int item = 0; item < batch_; ++item) {
       if (failures_[item].block >= 0) fail(item, failures_[item], signs_of(item), regularization);

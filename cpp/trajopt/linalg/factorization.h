@@ -7,17 +7,13 @@
 #include <vector>
 
 #include "trajopt/base/isa.h"
-#include "trajopt/linalg/aligned_buffer.h"
+#include "trajopt/linalg/block_buffer.h"
 #include "trajopt/linalg/block_kernels.h"
 #include "trajopt/linalg/block_tridiagonal.h"
+#include "trajopt/linalg/refinement.h"
 #include "trajopt/linalg/schedule.h"
 
 namespace trajopt::linalg {
-
-struct Refinement {
-  int steps = 0;          // corrections applied
-  double residual = 0.0;  // max over items and columns of |rhs - A x|_max / |rhs|_max
-};
 
 class Factorization {
  public:
@@ -66,10 +62,11 @@ class Factorization {
                         int run_slot, int worker);
   void forward(int item, const Step& step, double* x, int m) const;
   void backward(int item, const Step& step, double* x, int m) const;
+  int useful_threads(int threads) const;
   [[noreturn]] void fail(int item, const Failure& failure, const signed char* signs,
                          double regularization) const;
-  double refine_item(const SymmetricBlockTridiagonal& a, int item, const double* rhs, double* x,
-                     int m, int max_steps, double tolerance, int threads, int& steps);
+  Refinement refine_item(const SymmetricBlockTridiagonal& a, int item, const double* rhs, double* x,
+                         int m, int max_steps, double tolerance, int threads);
 
   double* w(int item, int block) const;
   double* coupling(int item, int slot) const;
@@ -81,9 +78,9 @@ class Factorization {
   const BlockKernels* kernels_;
   std::vector<int> left_slot_, right_slot_;  // storage of a block's coupling to each neighbour
   int slots_ = 0, run_slots_ = 0, workers_ = 1;
-  AlignedBuffer w_, couplings_, inverse_, scratch_;
-  AlignedBuffer residual_, saved_;  // of refine(), for kRefineColumns columns
-  std::vector<Failure> failures_;   // one per run of a stage, or per item of a batch
+  BlockBuffer w_, couplings_, inverse_, scratch_;
+  BlockBuffer residual_, saved_;   // of refine(), for kRefineColumns columns
+  std::vector<Failure> failures_;  // one per run of a stage, or per item of a batch
   bool factored_ = false;
 };
 

@@ -111,8 +111,7 @@ Schedule make_chunked(int blocks, int chunks) {
     builder.close_stage();
     return builder.finish(Ordering::chunked);
   }
-  const double unit =
-      (blocks - (chunks - 1)) / (2.0 / kOuterCost + (chunks - 2) / kInnerCost);
+  const double unit = (blocks - (chunks - 1)) / (2.0 / kOuterCost + (chunks - 2) / kInnerCost);
   std::vector<int> separators;
   int previous = -1;
   for (int c = 1; c < chunks; ++c) {

@@ -21,16 +21,16 @@ const char* ordering_name(Ordering ordering);
 
 struct Step {
   int block = 0;
-  int left = -1;   // neighbours in the chain when the block is eliminated; -1: none
+  int left = -1;  // neighbours in the chain when the block is eliminated; -1: none
   int right = -1;
   bool left_original = false;      // the coupling to the neighbour is the matrix's own block,
   bool right_original = false;     // not fill
   bool diagonal_original = false;  // no earlier step has updated this diagonal block
   bool left_first = false;         // this step is the first to update the neighbour's diagonal
   bool right_first = false;
-  bool left_deferred = false;      // the left neighbour lies outside the run: update it after a
-                                   // barrier, so that two runs never write to one block
-  bool fill_in_right = false;      // the new coupling is stored with its right end, else its left
+  bool left_deferred = false;  // the left neighbour lies outside the run: update it after a
+                               // barrier, so that two runs never write to one block
+  bool fill_in_right = false;  // the new coupling is stored with its right end, else its left
 };
 
 struct Run {

@@ -68,9 +68,10 @@ TRAJOPT_HD inline void dense_rows(const ModelView& model, const DenseTerm& term,
   if constexpr (Derivatives) {
     for (int i = 0; i < count * width; ++i) out.jacobian[i] = S(0.0);
   }
-  if (term.kind == DenseKind::effort) {
+  if (term.kind == DenseKind::effort || term.kind == DenseKind::physics) {
+    const int* dofs = term.kind == DenseKind::effort ? model.actuated : model.unactuated;
     for (int r = 0; r < count; ++r) {
-      const int row = model.actuated[r];
+      const int row = dofs[r];
       out.residual[r] = scale * fd[row];
       if constexpr (Derivatives) {
         for (int q = 0; q < 3; ++q)

@@ -16,6 +16,7 @@ enum class DenseKind : int {
   center_of_mass_velocity,  // (c_i - c_{i-1})/dt - target          Pan eq. 17
   center_of_mass_position,  // c_i - target                         Pan eq. 18
   effort,                   // u = actuated rows of FD
+  physics,                  // unactuated rows of FD, as a penalty beside the constraint
   point_position,           // P(x_i) - target
   point_velocity            // (P(x_i) - P(x_{i-1}))/dt - target
 };
@@ -30,7 +31,8 @@ struct DenseTerm {
 };
 
 inline int rows_of(DenseKind kind, const ModelView& model) {
-  return kind == DenseKind::effort ? model.nactuated : 3;
+  if (kind == DenseKind::effort) return model.nactuated;
+  return kind == DenseKind::physics ? model.nunactuated : 3;
 }
 
 struct FrameInput {

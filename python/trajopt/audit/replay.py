@@ -101,9 +101,9 @@ def replay_drift(
     older, newer = curve(starts - step), curve(starts)
     for k in range(1, count + 1):
         guess = curve(starts + k * step)
-        guess[:, rows] = model.integrate(newer, model.difference(newer, older))[:, rows]
+        guess[:, rows] = model.integrate(newer, model.difference(older, newer))[:, rows]
         older, newer = newer, stepper.advance(guess, newer, older, step, nothing)
-    error = model.difference(newer, curve(starts + count * step))
+    error = model.difference(curve(starts + count * step), newer)
     slides = _slides(motion, rows)
     if len(slides):
         drift = np.linalg.norm(error[:, slides], axis=1)

@@ -21,7 +21,7 @@ def info() -> None:
 def _facts(version: str) -> dict[str, str]:
     from trajopt import _core
 
-    build = getattr(_core, "build_info", dict)()
+    build: dict[str, object] = getattr(_core, "build_info", dict)()
     return {
         "trajopt": version,
         "core": str(_core.__version__),

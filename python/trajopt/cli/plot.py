@@ -16,11 +16,14 @@ def plot(
         Path | None,
         typer.Option("-o", "--output", help="Picture to write; FILE.png by default."),
     ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(help="Only this part: motion, forces or convergence. May be repeated."),
+    ] = None,
 ) -> None:
     """Draw a trajectory: the motion, its contact forces, and how it converged."""
-    from trajopt.plotting import plot_solution
+    from trajopt.plotting import PARTS, plot_solution
     from trajopt.solution import Solution
 
     target = file.with_suffix(".png") if output is None else output
-    for path in plot_solution(Solution.load(file), target):
-        typer.echo(path)
+    typer.echo(plot_solution(Solution.load(file), target, tuple(only or PARTS)))

@@ -15,7 +15,9 @@ def scenarios() -> None:
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for title in ("name", "character", "frames", "task"):
-        table.add_column(title, no_wrap=title != "task", justify="right" if title == "frames" else "left")
+        table.add_column(
+            title, no_wrap=title != "task", justify="right" if title == "frames" else "left"
+        )
     for name in list_scenarios():
         scenario = load_scenario(name)
         table.add_row(name, scenario.character, str(scenario.frames), scenario.task)

@@ -9,7 +9,7 @@ import numpy as np
 
 from trajopt import rotations
 from trajopt.models import geometry
-from trajopt.models.tree import apply, compose, rigid
+from trajopt.rigid import apply, compose, rigid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,15 +90,23 @@ def ground(m: Any) -> tuple[NDArray[Any], float] | None:
 
 def scenery(m: Any) -> list[str]:
     """Names of solid geoms of the world other than the first plane; they are left out."""
-    planes = _planes(m)
+    planes = _planes(m)[:1]
+    # The fixed base of a robot is not scenery: something that moves hangs on it.
+    bases = set()
+    for body in np.flatnonzero(m.body_weldid != 0):
+        while body > 0:
+            body = int(m.body_parentid[body])
+            bases.add(body)
+    bases.discard(0)
     solid = [
         g
         for g in range(m.ngeom)
         if not _moving(m, g)
         and (m.geom_contype[g] or m.geom_conaffinity[g])
-        and g not in planes[:1]
+        and g not in planes
+        and int(m.geom_bodyid[g]) not in bases
     ]
-    return [f"{m.geom(g).name or f'number {g}'} ({geometry.kind_name(m, g)})" for g in solid]
+    return [f"{m.geom(g).name or g} ({geometry.kind_name(m, g)})" for g in solid]
 
 
 def contact_points(m: Any, tree: Tree) -> tuple[Spheres, list[str]]:

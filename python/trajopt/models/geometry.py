@@ -30,7 +30,7 @@ _NAMES = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box"
 
 RIM_POINTS = 8
 MAX_HULL_POINTS = 64
-MAX_SPHERES = 4
+MAX_SPHERES = 3
 
 _CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)
 
@@ -107,7 +107,7 @@ def hull_vertices(m: Any, mesh: int, limit: int = MAX_HULL_POINTS) -> NDArray[An
 
 
 def spheres(m: Any, geom: int) -> tuple[NDArray[Any], float]:
-    """At most four equal spheres along the longest axis of a geom, for self collision.
+    """At most three equal spheres along the longest axis of a geom, for self collision.
 
     A sphere is itself and a capsule is filled from end to end.  Other shapes are treated as the
     capsule inside their bounding box whose radius is the mean of the two smaller half sizes.
@@ -140,7 +140,7 @@ def spheres(m: Any, geom: int) -> tuple[NDArray[Any], float]:
 
 
 def _row(reach: NDArray[Any], radius: float) -> NDArray[Any]:
-    """Centres from -reach to +reach, a radius apart unless that takes more than four."""
+    """Centres from -reach to +reach, a radius apart unless that takes more than three."""
     length = 2 * float(np.linalg.norm(reach))
     if length < 1e-9:
         return np.zeros((1, 3))

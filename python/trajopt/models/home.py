@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["home_pose"]
 
+_FREE = 0
+
 
 def home_pose(m: Any, model: Model, *, settle: bool) -> NDArray[np.float64]:
     """Home pose of a model.
@@ -38,21 +40,8 @@ def home_pose(m: Any, model: Model, *, settle: bool) -> NDArray[np.float64]:
     if names:
         return from_qpos(m, m.key_qpos[names.index("home") if "home" in names else 0])
     x = np.clip(from_qpos(m, m.qpos0), model.lower, model.upper)
-    heights = [d for d, name in enumerate(model.dof_names) if _is_height(model, d, name)]
+    heights = [int(m.jnt_dofadr[j]) + 2 for j in range(m.njnt) if m.jnt_type[j] == _FREE]
     if settle and heights and len(model.point_radius):
         floor = 0.0 if model.ground is None else model.ground[3]
         x[heights] += floor - model.lowest_point(x)
     return np.asarray(x)
-
-
-def _is_height(model: Model, dof: int, name: str) -> bool:
-    """Whether a dof is the vertical one of a free joint."""
-    joint = int(np.searchsorted(model.joint_dof, dof, side="right")) - 1
-    return bool(
-        name.endswith("_tz")
-        and model.joint_type[joint] == 0
-        and not model.actuated[dof]
-        and joint + 1 < len(model.joint_type)
-        and model.joint_type[joint + 1] == 2
-        and model.joint_parent[joint + 1] == joint
-    )

@@ -11,7 +11,7 @@ from trajopt import rotations
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["pseudo_inertia", "transform_pseudo_inertia"]
+__all__ = ["pseudo_inertia"]
 
 
 def pseudo_inertia(m: Any, body: int) -> NDArray[np.float64]:
@@ -39,23 +39,3 @@ def pseudo_inertia(m: Any, body: int) -> NDArray[np.float64]:
     out = mass * np.outer(p, p)
     out[:3, :3] += (axes * second) @ axes.T
     return np.asarray(0.5 * (out + out.T))
-
-
-def transform_pseudo_inertia(
-    transform: NDArray[Any], inertia: NDArray[Any]
-) -> NDArray[np.float64]:
-    """T M Tᵀ: the pseudo-inertia seen from the frame that ``transform`` maps to.
-
-    Parameters
-    ----------
-    transform : ndarray, shape (..., 3, 4)
-    inertia : ndarray, shape (..., 4, 4)
-
-    Returns
-    -------
-    ndarray, shape (..., 4, 4)
-    """
-    t = np.zeros((*transform.shape[:-2], 4, 4))
-    t[..., :3, :] = transform
-    t[..., 3, 3] = 1.0
-    return np.asarray(t @ inertia @ np.swapaxes(t, -1, -2))

@@ -57,7 +57,7 @@ def drop_files(source: Source) -> None:
     for skin in list(spec.skins):
         spec.delete(skin)
     from_geom = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    lost = []
+    weighed = set()
     for geom in list(spec.geoms):
         mesh, body = geom.meshname, geom.parent
         if not mesh:
@@ -70,11 +70,16 @@ def drop_files(source: Source) -> None:
                     f"{source.label}: body '{body.name}' has no inertial element and takes its mass"
                     f" from mesh '{mesh}', whose file cannot be used: {source.missing[mesh]}"
                 )
-            lost.append(source.missing[mesh])
             spec.delete(geom)
         elif not weighs and geom.contype == 0 and geom.conaffinity == 0 and not spec.pairs:
             spec.delete(geom)
+        elif weighs:
+            weighed.add(mesh)
     _drop_unused_meshes(source)
+    for mesh in spec.meshes:
+        # Of the others only the shape counts, so an open or flat one need not be refused.
+        if mesh.name not in weighed:
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     if source.missing:
         reasons = listing(sorted(set(source.missing.values())), 3)
         warnings.warn(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -91,7 +92,10 @@ def read(path_or_name: str | os.PathLike[str]) -> Source:
     path, builtin = _locate(os.fspath(path_or_name))
     root = _root(path)
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        with warnings.catch_warnings():
+            # MuJoCo's notices about old attributes are for the author of the file.
+            warnings.simplefilter("ignore", UserWarning)
+            spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{path.name}: {one_line(error)}") from error
     own = root.get("name") if root.tag == "robot" else root.get("model")
@@ -161,6 +165,7 @@ def _find(file: str, folder: Path, meshdir: str) -> Path | None:
     if scheme == "file":
         candidates.insert(0, Path(rest))
     if scheme in ("package", "model"):
+        rest = rest.lstrip("/")  # package:///name/... is common, and read as package://name/...
         package, _, inner = rest.partition("/")
         for parent in (folder, *folder.parents):
             candidates.append(parent / rest)

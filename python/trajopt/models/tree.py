@@ -18,33 +18,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trajopt import rotations
+from trajopt.model import BALL, HINGE, SLIDE
+from trajopt.rigid import compose, rigid
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["BALL", "HINGE", "SLIDE", "Tree", "apply", "build_tree", "compose", "rigid"]
-
-SLIDE, HINGE, BALL = 0, 1, 2
+__all__ = ["Tree", "build_tree"]
 
 _FREE_AXES = ("x", "y", "z")
-
-
-def rigid(position: ArrayLike = (0, 0, 0), rotation: ArrayLike | None = None) -> NDArray[Any]:
-    """3×4 transform [R t] of a translation and a rotation matrix (default: identity)."""
-    r = np.eye(3) if rotation is None else np.asarray(rotation)
-    return np.concatenate([r, np.reshape(position, (3, 1))], axis=1)
-
-
-def compose(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
-    """Product of 3×4 transforms, vectorised over leading axes."""
-    product = a[..., :3] @ b
-    product[..., 3] += a[..., 3]
-    return product
-
-
-def apply(transform: NDArray[Any], point: NDArray[Any]) -> NDArray[Any]:
-    """Image of points (..., 3) under transforms (..., 3, 4)."""
-    return np.asarray((transform[..., :3] @ point[..., None])[..., 0] + transform[..., 3])
 
 
 @dataclass

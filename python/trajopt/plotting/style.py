@@ -46,7 +46,7 @@ def time_colors() -> Any:
 
 def tidy(axes: Axes, title: str = "", x: str = "", y: str = "") -> None:
     """Give axes the common look and their labels."""
-    axes.set_title(title, loc="left", fontsize=10, color=INK, fontweight="semibold")
+    axes.set_title(title, loc="left", fontsize=10, color=INK, fontweight="bold")
     axes.set_xlabel(x, fontsize=9, color=MUTED)
     axes.set_ylabel(y, fontsize=9, color=MUTED)
     axes.tick_params(labelsize=8, colors=MUTED)

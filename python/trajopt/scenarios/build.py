@@ -50,7 +50,7 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
 
 
 def _model(table: dict[str, Any], folder: Path) -> Model:
-    from trajopt.model import load_model
+    from trajopt.models import load_model
 
     options = {key: value for key, value in table.items() if key not in ("name", "file")}
     source = table["name"] if "name" in table else folder / str(table["file"])
@@ -61,10 +61,15 @@ def _model(table: dict[str, Any], folder: Path) -> Model:
 def _world(table: dict[str, Any]) -> World:
     from trajopt.world import World
 
-    objects = []
-    for entry in table.get("objects", [{"type": "plane"}]):
-        values = {key: value for key, value in entry.items() if key != "type"}
-        where = f"[[world.objects]] {entry['type']}"
-        objects.append(call_with(obstacle_types()[entry["type"]], values, where))
-    world: World = call_with(World, {}, "[world]", objects)
+    options = dict(table)
+    if "obstacles" in table:
+        options["obstacles"] = [_obstacle(entry) for entry in table["obstacles"]]
+    world: World = call_with(World, options, "[world]")
     return world
+
+
+def _obstacle(entry: dict[str, Any]) -> Any:
+    values = {key: value for key, value in entry.items() if key != "type"}
+    return call_with(
+        obstacle_types()[entry["type"]], values, f"[[world.obstacles]] {entry['type']}"
+    )

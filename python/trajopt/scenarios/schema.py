@@ -18,6 +18,8 @@ __all__ = ["check_schema", "objective_types", "obstacle_types", "solver_keys"]
 SECTIONS = ("task", "model", "world", "contact", "grid", "initial", "objective", "solver")
 REQUIRED = ("model", "grid", "objective")
 INITIAL = ("pose", "height", "velocity")
+# Classes of trajopt.world that are not obstacles.
+NO_OBSTACLES = ("Contact", "ResolvedContact", "World")
 # Arguments of trajopt.solve that belong to a run, not to a scenario.
 OF_THE_RUN = ("problem", "device", "callback", "warm_start", "threads")
 
@@ -47,7 +49,7 @@ def obstacle_types() -> dict[str, type]:
     return {
         snake_case(name): kind
         for name, kind in vars(world).items()
-        if inspect.isclass(kind) and name in world.__all__ and name not in ("Contact", "World")
+        if inspect.isclass(kind) and name in world.__all__ and name not in NO_OBSTACLES
     }
 
 
@@ -56,6 +58,13 @@ def contact_keys() -> list[str]:
     from trajopt.world import Contact
 
     return parameters(Contact)
+
+
+def world_keys() -> list[str]:
+    """Return the keys of ``[world]``."""
+    from trajopt.world import World
+
+    return parameters(World)
 
 
 def grid_keys() -> list[str]:
@@ -67,7 +76,7 @@ def grid_keys() -> list[str]:
 
 def model_keys() -> list[str]:
     """Return the keys of ``[model]``."""
-    from trajopt.model import load_model
+    from trajopt.models import load_model
 
     first, *others = parameters(load_model)
     return ["name", "file", *(key for key in others if key != first)]
@@ -108,8 +117,8 @@ def check_schema(settings: dict[str, Any]) -> None:
     check_keys(settings.get("initial", {}), INITIAL, "[initial]")
     check_keys(settings.get("contact", {}), contact_keys(), "[contact]")
     check_keys(settings.get("solver", {}), solver_keys(), "[solver]")
-    world = check_keys(settings.get("world", {}), ("objects",), "[world]")
-    _check_typed(world.get("objects", []), obstacle_types(), "[[world.objects]]")
+    world = check_keys(settings.get("world", {}), world_keys(), "[world]")
+    _check_typed(world.get("obstacles", []), obstacle_types(), "[[world.obstacles]]")
     _check_typed(settings["objective"], objective_types(), "[[objective]]")
 
 

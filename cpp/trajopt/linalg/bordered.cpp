@@ -1,0 +1,122 @@
+#include "trajopt/linalg/bordered.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+
+#include "trajopt/base/error.h"
+#include "trajopt/base/parallel.h"
+
+namespace trajopt::linalg {
+
+BorderedFactorization::BorderedFactorization(int blocks, int size, int border, Ordering ordering,
+                                             int chunks, Isa isa)
+    : inner_(blocks, size, ordering, chunks, 1, isa),
+      border_(border),
+      columns_((border + 7) / 8 * 8),
+      ld_(padded(border)),
+      kernels_(&block_kernels(isa)) {
+  if (border < 1) {
+    throw ArgumentError("a border needs at least one unknown, not " + std::to_string(border));
+  }
+  e_ = BlockBuffer(rows() * columns_);
+  z_ = BlockBuffer(rows() * columns_);
+  f_ = BlockBuffer(static_cast<std::size_t>(border) * border);
+  schur_ = BlockBuffer(border * ld_);
+  unscaled_ = BlockBuffer(border * ld_);
+  inverse_ = BlockBuffer(border);
+  residual_ = BlockBuffer(rows() + border);
+  saved_ = BlockBuffer(rows() + border);
+}
+
+void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const double* e,
+                                   const double* f, const signed char* signs,
+                                   const signed char* border_signs, double regularization,
+                                   int threads) {
+  factored_ = false;
+  inner_.factor(k, signs, regularization, threads);
+  for (long i = 0; i < rows(); ++i) {
+    std::copy_n(e + i * border_, border_, e_.data() + i * columns_);
+  }
+  std::copy_n(f, f_.size(), f_.data());
+  std::copy_n(e_.data(), e_.size(), z_.data());
+  inner_.solve(z_.data(), static_cast<int>(columns_), threads);
+  kernels_->update(border_, border_, static_cast<int>(rows()), f_.data(), border_, schur_.data(),
+                   ld_, e_.data(), z_.data(), columns_, true);
+  Elimination s;
+  s.size = border_;
+  s.ld = ld_;
+  s.diagonal = schur_.data();
+  s.diagonal_ld = ld_;
+  s.original = f_.data();
+  s.signs = border_signs;
+  s.regularization = regularization;
+  s.w = schur_.data();
+  s.u = unscaled_.data();
+  s.inverse = inverse_.data();
+  const Pivot pivot = kernels_->eliminate(s);
+  if (pivot.row >= 0) {
+    const bool positive = !border_signs || border_signs[pivot.row] > 0;
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "pivot %d of the border (block %d) is %g: expected a %s one (regularization %g)",
+                  pivot.row, blocks(), pivot.value, positive ? "positive" : "negative",
+                  regularization);
+    throw FactorizationError(text, blocks(), pivot.row);
+  }
+  factored_ = true;
+}
+
+void BorderedFactorization::solve(double* z, double* y, int m, int threads) const {
+  if (!factored_) throw ArgumentError("solve: there is no factorization, factor() has to succeed");
+  if (m < 1) return;
+  inner_.solve(z, m, threads);
+  kernels_->subtract_transposed(static_cast<int>(rows()), border_, e_.data(), columns_, z, y, m, m,
+                                m);
+  kernels_->substitute_transposed(border_, schur_.data(), ld_, y, m, m);
+  for (int i = 0; i < border_; ++i) {
+    for (int j = 0; j < m; ++j) y[static_cast<long>(i) * m + j] *= inverse_.data()[i];
+  }
+  kernels_->substitute(border_, schur_.data(), ld_, y, m, m);
+  parallel_for(blocks(), threads, [&](long i, int) {
+    kernels_->subtract(size(), border_, z_.data() + i * size() * columns_, columns_, y,
+                       z + i * size() * m, m, m, m);
+  });
+}
+
+Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, const double* rhs_z,
+                                         const double* rhs_y, double* z, double* y, int max_steps,
+                                         double tolerance, int threads) {
+  double* r_z = residual_.data();
+  double* r_y = r_z + rows();
+  double* saved_z = saved_.data();
+  double* saved_y = saved_z + rows();
+  const double size =
+      std::max(largest_magnitude(rhs_z, rows(), 1, 1), largest_magnitude(rhs_y, border_, 1, 1));
+  const double scale = size > 0.0 ? size : 1.0;
+  const auto evaluate = [&] {
+    const int all = static_cast<int>(rows());
+    std::copy_n(rhs_z, rows(), r_z);
+    std::copy_n(rhs_y, border_, r_y);
+    k.subtract_product(0, z, r_z, 1, 1, 1, threads);
+    kernels_->subtract(all, border_, e_.data(), columns_, y, r_z, 1, 1, 1);
+    kernels_->subtract_transposed(all, border_, e_.data(), columns_, z, r_y, 1, 1, 1);
+    kernels_->subtract_symmetric(border_, f_.data(), border_, y, r_y, 1, 1, 1);
+    return std::max(largest_magnitude(r_z, rows(), 1, 1), largest_magnitude(r_y, border_, 1, 1)) /
+           scale;
+  };
+  const auto correct = [&] {
+    solve(r_z, r_y, 1, threads);
+    std::copy_n(z, rows(), saved_z);
+    std::copy_n(y, border_, saved_y);
+    for (long i = 0; i < rows(); ++i) z[i] += r_z[i];
+    for (int i = 0; i < border_; ++i) y[i] += r_y[i];
+  };
+  const auto undo = [&] {
+    std::copy_n(saved_z, rows(), z);
+    std::copy_n(saved_y, border_, y);
+  };
+  return refine_loop(max_steps, tolerance, evaluate, correct, undo);
+}
+
+}  // namespace trajopt::linalg

@@ -1,0 +1,207 @@
+#include "trajopt/problem/kkt_system.h"
+
+#include <algorithm>
+
+#include "trajopt/base/parallel.h"
+
+namespace trajopt {
+
+using linalg::Factorization;
+using linalg::Ordering;
+
+KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Ordering ordering)
+    : problem_(problem),
+      smoothing_(problem.options().formulation == Formulation::frames ? smoothing : 0.0),
+      nodes_(problem.nodes()),
+      primal_(problem.primal()),
+      dual_(problem.dual()),
+      blocks_((nodes_ + 1) / 2),
+      size_(2 * (primal_ + dual_)),
+      threads_(std::max(problem.options().threads, 1)),
+      ring_(problem.options().periodic),
+      ordering_(ordering),
+      matrix_(ring_ ? blocks_ - 1 : blocks_, size_),
+      signs_(rows(), 1) {
+  for (int node = 0; node < nodes_; ++node)
+    std::fill_n(signs_.begin() + offset(node), dual_, static_cast<signed char>(-1));
+  if (ring_) {
+    bordered_ = std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering);
+    border_.resize(static_cast<std::size_t>(blocks_ - 1) * size_ * size_);
+    corner_.resize(static_cast<std::size_t>(size_) * size_);
+  } else {
+    factorization_ = std::make_unique<Factorization>(blocks_, size_, ordering);
+  }
+}
+
+Ordering KktSystem::ordering() const {
+  return ring_ ? ordering_ : factorization_->ordering();
+}
+
+void KktSystem::put(int row_node, int row, int column_node, int column, int rows, int columns,
+                    const double* block, int row_stride, int column_stride, double scale) {
+  const int rg = row_node / 2, cg = column_node / 2;
+  const int r0 = (row_node % 2) * (primal_ + dual_) + row;
+  const int c0 = (column_node % 2) * (primal_ + dual_) + column;
+  const int last = blocks_ - 1;
+  double* target;
+  bool lower_only = false, transposed = false;
+  if (rg == cg) {
+    target = ring_ && rg == last ? corner_.data() : matrix_.diagonal(rg);
+    lower_only = true;
+  } else if (ring_ && (rg == last || cg == last)) {  // border[chain row, border column]
+    transposed = rg == last;
+    target = border_.data() + static_cast<std::size_t>(transposed ? cg : rg) * size_ * size_;
+  } else {
+    transposed = rg < cg;
+    target = matrix_.lower(std::min(rg, cg));
+  }
+  for (int i = 0; i < rows; ++i) {
+    for (int j = 0; j < columns; ++j) {
+      const double value = scale * block[i * row_stride + j * column_stride];
+      const int r = r0 + i, c = c0 + j;
+      if (lower_only && r < c) continue;
+      target[transposed ? static_cast<long>(c) * size_ + r : static_cast<long>(r) * size_ + c] +=
+          value;
+    }
+  }
+}
+
+void KktSystem::metric_weights(int node, double* weights) const {
+  // Row f of D2 is x_f - 2 x_{f-1} + x_{f-2}; x_0 and x_{-1} are fixed.
+  const bool next = ring_ || node + 1 < nodes_, after = ring_ || node + 2 < nodes_;
+  weights[0] = 1 + smoothing_ * (1 + (next ? 4 : 0) + (after ? 1 : 0));
+  weights[1] = smoothing_ * (-2 - (next ? 2 : 0));
+  weights[2] = smoothing_;
+}
+
+void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
+  matrix_.set_zero();
+  std::fill(border_.begin(), border_.end(), 0.0);
+  std::fill(corner_.begin(), corner_.end(), 0.0);
+  if (nodes_ % 2 != 0) {  // the half block that pads an odd count is the identity
+    double* d = matrix_.diagonal(blocks_ - 1);
+    for (int i = size_ / 2; i < size_; ++i) d[static_cast<long>(i) * size_ + i] = 1;
+  }
+  if (problem_.options().formulation == Formulation::frames) {
+    assemble_frames(lin, identity ? 1.0 : damping, identity);
+  } else {
+    assemble_spline(lin, identity ? 1.0 : damping, identity);
+  }
+}
+
+void KktSystem::assemble_frames(const Linearization& lin, double damping, bool identity) {
+  const long d = primal_, m = dual_, n = nodes_;
+  const auto window = [&](long f, int block) { return lin.hessian.data() + (f * 6 + block) * d * d; };
+  // One block row at a time: a worker writes its own diagonal and the coupling to the block before.
+  parallel_for(blocks_, threads_, [&](long group, int) {
+    for (int i = static_cast<int>(2 * group); i < std::min<long>(2 * group + 2, n); ++i) {
+      double w[3];
+      metric_weights(i, w);
+      for (int back = 0; back < 3; ++back) {
+        int j = i - back;
+        if (j < 0) {
+          if (!ring_) break;
+          j += static_cast<int>(n);
+        }
+        // Hessian block (x_i, x_{i-back}): windows of the frames that see both.
+        if (!identity) {
+          constexpr int kBlocks[3][3] = {{0, 3, 5}, {1, 4, -1}, {2, -1, -1}};
+          for (int ahead = 0; ahead + back < 3; ++ahead) {
+            long f = i + ahead;
+            if (f >= n) {
+              if (!ring_) break;
+              f -= n;
+            }
+            put(i, dual_, j, dual_, primal_, primal_, window(f, kBlocks[back][ahead]), primal_, 1);
+          }
+        }
+        const double one = damping * w[back];
+        for (int k = 0; k < primal_; ++k) put(i, dual_ + k, j, dual_ + k, 1, 1, &one, 1, 1);
+        // Constraint i by x_{i-back}. Its own multiplier stands before x_i: transposed there.
+        const double* a = lin.jacobian.data() + (static_cast<long>(i) * 3 + back) * m * d;
+        if (back == 0) {
+          put(i, dual_, i, 0, primal_, dual_, a, 1, primal_);
+        } else {
+          put(i, 0, j, dual_, dual_, primal_, a, primal_, 1);
+        }
+      }
+    }
+  });
+}
+
+void KktSystem::factor(double epsilon) {
+  // -epsilon on the multipliers only: added to the matrix itself, taken out again by refinement.
+  for (int node = 0; node < nodes_; ++node) {
+    const double e = -epsilon;
+    for (int k = 0; k < dual_; ++k) put(node, k, node, k, 1, 1, &e, 1, 1);
+  }
+  if (ring_) {
+    bordered_->factor(matrix_, border_.data(), corner_.data(), signs_.data(),
+                      signs_.data() + matrix_.rows(), 0.0, threads_);
+  } else {
+    factorization_->factor(matrix_, signs_.data(), 0.0, threads_);
+  }
+  for (int node = 0; node < nodes_; ++node) {
+    const double e = epsilon;
+    for (int k = 0; k < dual_; ++k) put(node, k, node, k, 1, 1, &e, 1, 1);
+  }
+}
+
+void KktSystem::solve(std::vector<double>& rhs, int m) {
+  if (ring_) {
+    bordered_->solve(rhs.data(), rhs.data() + matrix_.rows() * m, m, threads_);
+    return;
+  }
+  rhs_copy_ = rhs;
+  factorization_->solve(rhs.data(), m, threads_);
+  factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, 2, 1e-13, threads_);
+}
+
+void KktSystem::multiply(const std::vector<double>& x, std::vector<double>& y) const {
+  y.resize(x.size());
+  if (!ring_) {
+    matrix_.matmul(x.data(), y.data(), 1, threads_);
+    return;
+  }
+  matrix_.matmul(x.data(), y.data(), 1, threads_);
+  const long chain = matrix_.rows();
+  const double* xb = x.data() + chain;
+  double* yb = y.data() + chain;
+  for (int i = 0; i < size_; ++i) {
+    double sum = 0;
+    for (int j = 0; j < size_; ++j)
+      sum += corner_[static_cast<long>(std::max(i, j)) * size_ + std::min(i, j)] * xb[j];
+    yb[i] = sum;
+  }
+  for (long r = 0; r < chain; ++r) {
+    const double* e = border_.data() + r * size_;
+    for (int j = 0; j < size_; ++j) {
+      y[r] += e[j] * xb[j];
+      yb[j] += e[j] * x[r];
+    }
+  }
+}
+
+double KktSystem::metric_norm2(const std::vector<double>& x) const {
+  double sum = 0;
+  for (int i = 0; i < nodes_; ++i) {
+    double w[3];
+    metric_weights(i, w);
+    const double* xi = x.data() + offset(i) + dual_;
+    for (int back = 0; back < 3; ++back) {
+      int j = i - back;
+      if (j < 0) {
+        if (!ring_) break;
+        j += nodes_;
+      }
+      if (back > 0 && smoothing_ == 0) break;
+      const double* xj = x.data() + offset(j) + dual_;
+      double dot = 0;
+      for (int k = 0; k < primal_; ++k) dot += xi[k] * xj[k];
+      sum += (back == 0 ? 1 : 2) * w[back] * dot;
+    }
+  }
+  return sum;
+}
+
+}  // namespace trajopt

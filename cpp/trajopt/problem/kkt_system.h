@@ -1,0 +1,74 @@
+// The KKT matrix of a linearized trajectory problem in symmetric block-tridiagonal storage:
+//
+//   [H + damping W   A^T]      per node the multipliers come first, then the tangent; two nodes
+//   [A               0  ]      make one block, because a frame's physics reaches two frames back.
+//
+// W = I + smoothing D2^T D2 is the metric steps are measured in (D2: second differences of the
+// frames): a trust region in it grants smooth changes of a motion more room than jagged ones.
+// A periodic problem closes the ring: its last block is the border of a bordered system.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "trajopt/linalg/block_tridiagonal.h"
+#include "trajopt/linalg/bordered.h"
+#include "trajopt/linalg/factorization.h"
+#include "trajopt/problem/trajectory_problem.h"
+
+namespace trajopt {
+
+class KktSystem {
+ public:
+  KktSystem(const TrajectoryProblem& problem, double smoothing, linalg::Ordering ordering);
+
+  int primal() const { return primal_; }
+  int dual() const { return dual_; }
+  int nodes() const { return nodes_; }
+  // Length of a right-hand side, padding included. Node i: multipliers at offset(i), tangent behind.
+  long rows() const { return static_cast<long>(blocks_) * size_; }
+  long offset(int node) const { return static_cast<long>(node) * (primal_ + dual_); }
+
+  // Writes H + damping W and A. Without lin's Hessian (identity = true) writes [W A^T; A 0].
+  void assemble(const Linearization& lin, double damping, bool identity = false);
+
+  // Factors with -epsilon on the multiplier diagonal; throws FactorizationError.
+  void factor(double epsilon);
+
+  // Solves in place for m right-hand sides, rhs (rows, m) row-major, refined against the matrix
+  // without epsilon.
+  void solve(std::vector<double>& rhs, int m);
+
+  // y = K x for the assembled matrix.
+  void multiply(const std::vector<double>& x, std::vector<double>& y) const;
+
+  // x^T W x over the tangent part of x.
+  double metric_norm2(const std::vector<double>& x) const;
+
+  linalg::Ordering ordering() const;
+
+ private:
+  struct Band;  // frame-level Hessian blocks
+  void assemble_frames(const Linearization& lin, double damping, bool identity);
+  void assemble_spline(const Linearization& lin, double damping, bool identity);
+  void add_constraints_spline(const Linearization& lin);
+  // Adds rows x columns block at (node row, local row), (node column, local column) of the lower
+  // triangle (wrapping into the border for a ring).
+  void put(int row_node, int row, int column_node, int column, int rows, int columns,
+           const double* block, int row_stride, int column_stride, double scale = 1.0);
+  void metric_weights(int node, double* weights) const;  // of nodes i, i-1, i-2
+
+  const TrajectoryProblem& problem_;
+  double smoothing_;
+  int nodes_, primal_, dual_, blocks_, size_, threads_;
+  bool ring_;
+  linalg::Ordering ordering_;
+  linalg::SymmetricBlockTridiagonal matrix_;   // a ring keeps its last block in the border
+  std::unique_ptr<linalg::Factorization> factorization_;
+  std::unique_ptr<linalg::BorderedFactorization> bordered_;
+  std::vector<double> border_, corner_;        // chain rows x size, size x size
+  std::vector<signed char> signs_;
+  std::vector<double> rhs_copy_, regularized_;
+};
+
+}  // namespace trajopt

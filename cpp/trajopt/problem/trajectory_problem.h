@@ -1,0 +1,107 @@
+// A trajectory optimization problem: model, forces, grid, objective and the stencil its unknowns
+// hang on. Evaluates objective and physics, and linearizes both.
+//
+// Formulation::frames (the default): every frame is an unknown and obeys physics by itself.
+// Formulation::spline (Pan): control points of a Hermite spline; physics holds when tested with the
+// spline's own basis (constraint reduction), C = (S^T (x) U_perp) [FD_1 ... FD_N].
+//
+// Unknowns are grouped in nodes (a frame, or a control point), each with `dual` multipliers and
+// `primal` tangent coordinates, in this order: an elimination from the last row to the first then
+// meets the definite primal block before the multipliers it supports.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "trajopt/base/buffer.h"
+#include "trajopt/force/physics.h"
+#include "trajopt/model/model.h"
+#include "trajopt/problem/objective.h"
+#include "trajopt/trajectory/hermite.h"
+
+namespace trajopt {
+
+enum class Formulation { frames, spline };
+
+struct ProblemOptions {
+  Formulation formulation = Formulation::frames;
+  int frames_per_knot = 10;
+  bool periodic = false;           // frames only: x_{i+N} = x_i moved by `stride`
+  double stride[3] = {0, 0, 0};    // added to the first three slides of every root
+  int threads = 1;
+};
+
+// A point of the search space. frames: N x nq. spline: Z x nq configurations, then Z x D scaled
+// velocities of the control points 1..Z.
+using State = std::vector<double>;
+
+struct Evaluation {
+  double objective = 0;
+  std::vector<double> terms;             // by Objective::names()
+  std::vector<double> frames;            // (N + 2) x nq: x_{-1} .. x_N
+  std::vector<double> frame_constraint;  // N x m: unactuated rows of FD
+  std::vector<double> constraint;        // nodes x dual: reduced constraints C
+  std::vector<double> torque;            // N x nu
+  double constraint_norm = 0;            // |C|_inf
+  double frame_violation = 0;            // max over frames and unactuated rows
+};
+
+// Per-frame derivative data (see FrameOutput), and the gradient by node.
+struct Linearization {
+  std::vector<double> hessian, gradient, jacobian;  // N x 6 x D x D, N x 3 x D, N x 3 x m x D
+  std::vector<double> node_gradient;                // nodes x primal
+};
+
+class TrajectoryProblem {
+ public:
+  // dt: N + 1 steps, dt[i] = t_i - t_{i-1}, i = 0..N. initial: x_{-1}, x_0 as 2 x nq.
+  // velocity: D, scaled to a segment (spline only: half of the fixed control point 0).
+  TrajectoryProblem(Model model, const Physics& physics, std::vector<double> dt,
+                    Objective objective, std::vector<double> initial,
+                    std::vector<double> velocity, const ProblemOptions& options);
+
+  const Model& model() const { return model_; }
+  const Physics& physics() const { return physics_; }
+  const Objective& objective() const { return objective_; }
+  const ProblemOptions& options() const { return options_; }
+  const HermiteSpline& spline() const { return *spline_; }
+  int frame_count() const { return frame_count_; }
+  int nodes() const { return nodes_; }
+  int primal() const { return primal_; }
+  int dual() const { return dual_; }
+  double dt(int frame) const { return dt_[frame]; }
+
+  State state_from_frames(const double* frames) const;  // N x nq: x_1 .. x_N
+  void frames_of(const State& state, std::vector<double>& frames) const;  // (N + 2) x nq
+  void retract(const State& state, const double* step, State& out) const;  // step: nodes x primal
+
+  void evaluate(const State& state, Evaluation& out);
+  // Fills `out` for the same state as well. augmentation: adds that times A^T A per frame.
+  void linearize(const State& state, double augmentation, Evaluation& out, Linearization& lin);
+
+  // C = S^T C_frames.
+  void reduce_constraint(const std::vector<double>& frame_constraint,
+                         std::vector<double>& constraint) const;
+
+ private:
+  void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
+  void add_external_terms(Evaluation& out, Linearization* lin);
+  void reduce_gradient(Linearization& lin) const;
+
+  Model model_;
+  Physics physics_;
+  std::vector<double> dt_;
+  Objective objective_;
+  std::vector<double> initial_, velocity_;
+  ProblemOptions options_;
+  int frame_count_, nodes_, primal_, dual_;
+  std::unique_ptr<HermiteSpline> spline_;
+  std::vector<Stencil> stencils_;
+  std::vector<std::vector<double>> scales_;  // per dense term: sqrt(2 weight)
+  std::vector<DenseTerm> terms_;
+  std::vector<AlignedBuffer> scratch_;  // per worker
+  std::size_t scratch_bytes_ = 0;
+  std::vector<double> cost_, callback_residual_, callback_jacobian_, local_cost_;
+};
+
+}  // namespace trajopt

@@ -1,0 +1,359 @@
+#include "trajopt/solver/funnel_sqp.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "trajopt/base/error.h"
+#include "trajopt/solver/stopwatch.h"
+
+namespace trajopt {
+
+namespace {
+
+constexpr double kMinDamping = 1e-12, kMaxDamping = 1e12;
+constexpr double kAccept = 0.05;        // least actual / predicted decrease
+constexpr double kObjectiveShare = 0.1;  // of the tangential decrease: below it a step is restoring
+constexpr double kRestore = 0.1;        // least relative decrease of |C| by a restoring step
+constexpr int kMaxRestorations = 30;
+
+template <class... Args>
+std::string format(const char* text, Args... args) {
+  char buffer[400];
+  std::snprintf(buffer, sizeof buffer, text, args...);
+  return buffer;
+}
+
+class FunnelSolver {
+ public:
+  FunnelSolver(TrajectoryProblem& problem, const FunnelOptions& options, State& state,
+               const Observer& observer)
+      : problem_(problem),
+        options_(options),
+        state_(state),
+        observer_(observer),
+        kkt_(problem, options.smoothing, options.ordering),
+        funnel_(options.funnel),
+        damping_(options.damping) {}
+
+  Result run() {
+    linearize();
+    if (!std::isfinite(current_.objective) || !std::isfinite(current_.frame_violation)) {
+      return {Status::numerical_failure, "the initial guess gives values that are not finite", 0};
+    }
+    funnel_ = std::max(funnel_, 1.25 * current_.constraint_norm);
+    bool settled = false;
+    int iteration = 0;
+    for (; iteration < options_.max_iterations && !settled; ++iteration) {
+      record_ = {};
+      record_.seconds = pending_;
+      pending_ = {};
+      if (!step()) return failure(iteration);
+      if (!report(iteration)) return interrupted(iteration + 1);
+      settled = has_settled();
+      if (damping_ >= kMaxDamping) break;
+    }
+    if (!options_.restore) return conclude(settled, iteration);
+    return restore(settled, iteration);
+  }
+
+ private:
+  void linearize() {
+    problem_.linearize(state_, options_.augmentation, current_, lin_);
+    pending_.dynamics += watch_.lap();
+  }
+
+  // Factors K at the current damping; raises it while the matrix has the wrong inertia.
+  bool factor() {
+    for (int attempt = 0; attempt < 8; ++attempt) {
+      kkt_.assemble(lin_, damping_);
+      record_.seconds.assembly += watch_.lap();
+      try {
+        kkt_.factor(options_.epsilon);
+        record_.seconds.factorization += watch_.lap();
+        return true;
+      } catch (const FactorizationError& error) {
+        record_.seconds.factorization += watch_.lap();
+        factor_error_ = error.what();
+        damping_ = std::max(10 * damping_, 1e-8);
+      }
+    }
+    return false;
+  }
+
+  // Columns: tangential step t (A t = 0) and normal step n (A n = -C).
+  void solve_steps() {
+    rhs_.assign(2 * kkt_.rows(), 0.0);
+    for (int i = 0; i < kkt_.nodes(); ++i) {
+      const long at = kkt_.offset(i);
+      for (int k = 0; k < kkt_.dual(); ++k)
+        rhs_[2 * (at + k) + 1] = -current_.constraint[static_cast<long>(i) * kkt_.dual() + k];
+      for (int k = 0; k < kkt_.primal(); ++k)
+        rhs_[2 * (at + kkt_.dual() + k)] =
+            -lin_.node_gradient[static_cast<long>(i) * kkt_.primal() + k];
+    }
+    kkt_.solve(rhs_, 2);
+    tangential_.resize(kkt_.rows());
+    normal_.resize(kkt_.rows());
+    for (long r = 0; r < kkt_.rows(); ++r) {
+      tangential_[r] = rhs_[2 * r];
+      normal_[r] = rhs_[2 * r + 1];
+    }
+    record_.seconds.solve += watch_.lap();
+  }
+
+  std::vector<double> tangent(const std::vector<double>& v) const {
+    std::vector<double> out(static_cast<std::size_t>(kkt_.nodes()) * kkt_.primal());
+    for (int i = 0; i < kkt_.nodes(); ++i)
+      std::copy_n(v.begin() + kkt_.offset(i) + kkt_.dual(), kkt_.primal(),
+                  out.begin() + static_cast<long>(i) * kkt_.primal());
+    return out;
+  }
+
+  // Decrease of g.d + d.H d / 2 along d; `shortfall`: A d = -shortfall * C.
+  double predicted_decrease(const std::vector<double>& d, double shortfall) {
+    std::vector<double> x(d);
+    for (int i = 0; i < kkt_.nodes(); ++i) {  // multipliers off; padding is zero in d already
+      std::fill_n(x.begin() + kkt_.offset(i), kkt_.dual(), 0.0);
+    }
+    kkt_.multiply(x, product_);
+    double quadratic = 0, linear = 0;
+    for (int i = 0; i < kkt_.nodes(); ++i) {
+      const long at = kkt_.offset(i) + kkt_.dual();
+      for (int k = 0; k < kkt_.primal(); ++k) {
+        quadratic += x[at + k] * product_[at + k];
+        linear += x[at + k] * lin_.node_gradient[static_cast<long>(i) * kkt_.primal() + k];
+      }
+    }
+    double augmented = 0;
+    if (problem_.options().formulation == Formulation::frames) {
+      for (double c : current_.constraint) augmented += c * c;
+      augmented *= options_.augmentation * shortfall * shortfall;
+    }
+    quadratic -= damping_ * kkt_.metric_norm2(x) + augmented;
+    return -(linear + 0.5 * quadratic);
+  }
+
+  bool trial(const std::vector<double>& d) {
+    problem_.retract(state_, tangent(d).data(), trial_state_);
+    problem_.evaluate(trial_state_, trial_);
+    record_.seconds.dynamics += watch_.lap();
+    return std::isfinite(trial_.objective) && std::isfinite(trial_.constraint_norm);
+  }
+
+  // d += K^-1 [.; -(C(x + d) - (1 - zeta) C)] with the factorization at hand.
+  void correct(std::vector<double>& d, double zeta) {
+    rhs_.assign(kkt_.rows(), 0.0);
+    for (int i = 0; i < kkt_.nodes(); ++i)
+      for (int k = 0; k < kkt_.dual(); ++k) {
+        const long c = static_cast<long>(i) * kkt_.dual() + k;
+        rhs_[kkt_.offset(i) + k] = -(trial_.constraint[c] - (1 - zeta) * current_.constraint[c]);
+      }
+    kkt_.solve(rhs_, 1);
+    for (long r = 0; r < kkt_.rows(); ++r) d[r] += rhs_[r];
+    record_.seconds.solve += watch_.lap();
+  }
+
+  // One iteration: a step at the current linearization, accepted or not.
+  bool step() {
+    if (!factor()) return false;
+    solve_steps();
+    const double normal_length = std::sqrt(kkt_.metric_norm2(normal_));
+    const double zeta =
+        normal_length > options_.normal_radius ? options_.normal_radius / normal_length : 1.0;
+    std::vector<double> d(tangential_);
+    for (long r = 0; r < kkt_.rows(); ++r) d[r] += zeta * normal_[r];
+    record_.step_norm = std::sqrt(kkt_.metric_norm2(d));
+    const double tangential_decrease = predicted_decrease(tangential_, 0.0);
+    const double predicted = predicted_decrease(d, zeta);
+    const double violation = current_.constraint_norm;
+
+    bool finite = trial(d);
+    for (int k = 0; finite && k < options_.corrections; ++k) {
+      if (trial_.constraint_norm <= 0.1 * options_.constraint_tolerance) break;
+      std::swap(best_trial_, trial_);
+      std::swap(best_state_, trial_state_);
+      std::vector<double> corrected(d);
+      trial_.constraint = best_trial_.constraint;
+      correct(corrected, zeta);
+      finite = trial(corrected);
+      if (!finite || trial_.constraint_norm > best_trial_.constraint_norm) {
+        std::swap(best_trial_, trial_);
+        std::swap(best_state_, trial_state_);
+        finite = true;
+        break;
+      }
+      d = std::move(corrected);
+    }
+
+    const double actual = current_.objective - trial_.objective;
+    bool accepted = false;
+    if (finite && predicted >= kObjectiveShare * tangential_decrease) {
+      record_.gain_ratio = predicted > 0 ? actual / predicted : 0;
+      accepted = trial_.constraint_norm <= funnel_ && actual > 0 && record_.gain_ratio > kAccept;
+    } else if (finite) {  // restoring
+      accepted = trial_.constraint_norm <= (1 - kRestore * zeta) * violation;
+      record_.gain_ratio =
+          violation > 0 ? (violation - trial_.constraint_norm) / (zeta * violation) : 1;
+      if (accepted) {
+        funnel_ = std::max({0.9 * funnel_ < violation ? funnel_ : 0.9 * funnel_,
+                            0.5 * (trial_.constraint_norm + violation), floor()});
+      }
+    }
+    record_.accepted = accepted;
+    record_.damping = damping_;
+    if (accepted) {
+      const double rho = std::min(record_.gain_ratio, 1.0);
+      const double cube = (2 * rho - 1) * (2 * rho - 1) * (2 * rho - 1);
+      damping_ = std::max(damping_ * std::max(0.2, 1 - cube), kMinDamping);
+      growth_ = 2;
+      state_ = trial_state_;
+      linearize();
+    } else {
+      damping_ = std::min(damping_ * growth_, kMaxDamping);
+      growth_ *= 2;
+    }
+    return true;
+  }
+
+  double floor() const { return std::max(10 * options_.constraint_tolerance, 1e-4); }
+
+  bool report(int iteration) {
+    record_.iteration = iteration;
+    record_.objective = current_.objective;
+    record_.terms = current_.terms;
+    record_.constraint_norm = current_.constraint_norm;
+    record_.frame_violation = current_.frame_violation;
+    record_.penalty = funnel_;
+    record_.elapsed = watch_.total();
+    return !observer_ || observer_(record_, state_);
+  }
+
+  // Has the objective stopped falling? First a stalled objective narrows the funnel.
+  bool has_settled() {
+    if (!record_.accepted) return false;
+    history_.push_back(current_.objective);
+    const int window = options_.window;
+    if (static_cast<int>(history_.size()) <= window) return false;
+    const double before = history_[history_.size() - 1 - window];
+    if (before - current_.objective > options_.objective_tolerance * std::abs(before)) return false;
+    if (current_.constraint_norm <= funnel_ * 0.1 || funnel_ <= floor()) return true;
+    funnel_ = std::max(0.3 * funnel_, floor());
+    history_.clear();
+    return false;
+  }
+
+  // Newton steps on the constraints alone.
+  Result restore(bool settled, int iteration) {
+    double step_limit = options_.normal_radius;
+    for (int k = 0; k < kMaxRestorations; ++k, ++iteration) {
+      if (current_.constraint_norm <= options_.constraint_tolerance) break;
+      record_ = {};
+      record_.seconds = pending_;
+      pending_ = {};
+      if (!factor()) return failure(iteration);
+      solve_steps();
+      const double length = std::sqrt(kkt_.metric_norm2(normal_));
+      const double zeta = std::min(1.0, step_limit / std::max(length, 1e-300));
+      std::vector<double> d(normal_);
+      for (double& v : d) v *= zeta;
+      bool finite = trial(d);
+      for (int c = 0; finite && c < options_.corrections; ++c) {
+        correct(d, zeta);
+        finite = trial(d);
+      }
+      record_.step_norm = zeta * length;
+      record_.damping = damping_;
+      record_.accepted = finite && trial_.constraint_norm < (1 - kRestore * zeta) *
+                                                                current_.constraint_norm;
+      if (record_.accepted) {
+        state_ = trial_state_;
+        linearize();
+        step_limit = std::min(2 * step_limit, options_.normal_radius);
+      } else {
+        step_limit = 0.25 * zeta * length;
+        damping_ *= 0.1;
+      }
+      if (!report(iteration)) return interrupted(iteration + 1);
+      if (step_limit < 1e-10) break;
+    }
+    return conclude(settled, iteration);
+  }
+
+  Result conclude(bool settled, int iterations) const {
+    const double c = current_.constraint_norm, tolerance = options_.constraint_tolerance;
+    if (options_.restore && c > tolerance) {
+      return {Status::stalled,
+              format("restoration ended at |C| = %.2e body weights, above the tolerance %.1e "
+                     "(objective %.6g)", c, tolerance, current_.objective), iterations};
+    }
+    if (settled) {
+      return {Status::solved,
+              format("objective %.6g fell by less than %.1e (relative) in %d iterations; |C| = "
+                     "%.2e <= %.1e body weights", current_.objective, options_.objective_tolerance,
+                     options_.window, c, tolerance), iterations};
+    }
+    if (damping_ >= kMaxDamping) {
+      return {Status::stalled,
+              format("no step lowers the objective %.6g any more (damping %.1e)",
+                     current_.objective, damping_), iterations};
+    }
+    return {Status::max_iterations,
+            format("%d iterations done; objective %.6g, |C| = %.2e body weights", iterations,
+                   current_.objective, c), iterations};
+  }
+
+  Result failure(int iteration) const {
+    return {Status::numerical_failure,
+            format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
+                factor_error_, iteration};
+  }
+
+  Result interrupted(int iterations) const {
+    return {Status::interrupted,
+            format("stopped on request after %d iterations; objective %.6g, |C| = %.2e body "
+                   "weights", iterations, current_.objective, current_.constraint_norm),
+            iterations};
+  }
+
+  TrajectoryProblem& problem_;
+  const FunnelOptions options_;
+  State& state_;
+  const Observer& observer_;
+  KktSystem kkt_;
+  Stopwatch watch_;
+  double funnel_, damping_, growth_ = 2;
+  Evaluation current_, trial_, best_trial_;
+  State trial_state_, best_state_;
+  Linearization lin_;
+  std::vector<double> rhs_, tangential_, normal_, product_, history_;
+  IterationRecord record_;
+  PhaseSeconds pending_;
+  std::string factor_error_;
+};
+
+}  // namespace
+
+const char* status_name(Status status) {
+  switch (status) {
+    case Status::solved:
+      return "solved";
+    case Status::max_iterations:
+      return "max_iterations";
+    case Status::stalled:
+      return "stalled";
+    case Status::interrupted:
+      return "interrupted";
+    case Status::infeasible:
+      return "infeasible";
+    default:
+      return "numerical_failure";
+  }
+}
+
+Result solve_funnel(TrajectoryProblem& problem, const FunnelOptions& options, State& state,
+                    const Observer& observer) {
+  return FunnelSolver(problem, options, state, observer).run();
+}
+
+}  // namespace trajopt

@@ -1,0 +1,582 @@
+"""A kinematic tree with masses and contact points: everything a solver knows of a character."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trajopt import rotations
+from trajopt.errors import ArgumentError, ArgumentTypeError, ModelError
+from trajopt.rigid import apply, compose, transform_pseudo_inertia
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from trajopt.world import Contact, World
+
+    Floats = NDArray[np.float64]
+    Ints = NDArray[np.int32]
+
+__all__ = ["BALL", "HINGE", "SLIDE", "Model"]
+
+# Types of joints, as the compiled core numbers them.
+SLIDE, HINGE, BALL = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Model:
+    """A tree of rigid bodies, joined by slides, hinges and ball joints.  Immutable.
+
+    Made by :func:`trajopt.load_model`.  Shapes use J = joints, D = degrees of freedom, K = bodies,
+    P = contact points, S = spheres for self collision.  SI units, radians, z up.
+
+    The frame of joint j is ``T_j = T_parent · joint_offset[j] · E_j``, with ``E_j`` a translation
+    along or a rotation about ``joint_axis[j]``, or the rotation exp([r]×) of a ball joint.  A free
+    body has three slides along the world's axes followed by a ball, so its six coordinates are its
+    position and a rotation vector in the world.
+
+    Attributes
+    ----------
+    name : str
+    xml : str
+        MJCF text that stands for the model without any other file.
+    joint_names : tuple of str, length J
+    joint_type : ndarray of int32, shape (J,)
+        0 slide, 1 hinge, 2 ball.
+    joint_parent : ndarray of int32, shape (J,)
+        Index of the parent joint, smaller than the joint's own; -1 is the world.
+    joint_offset : ndarray, shape (J, 3, 4)
+    joint_axis : ndarray, shape (J, 3)
+        Unit axis in the joint's frame; without meaning for balls.
+    dof_names : tuple of str, length D
+    lower, upper : ndarray, shape (D,)
+        Limits [m, rad], infinite where there are none.
+    actuated : ndarray of bool, shape (D,)
+        Whether the dof has a motor.
+    home : ndarray, shape (D,)
+        Pose to start from.
+    body_names : tuple of str, length K
+        Bodies that move; those without joints of their own move with their parent.
+    body_joint : ndarray of int32, shape (K,)
+    body_offset : ndarray, shape (K, 3, 4)
+        The body's frame is ``T_joint · body_offset``.
+    pseudo_inertia : ndarray, shape (K, 4, 4)
+        ∫ρ [p;1][p;1]ᵀ dp in the body's frame.
+    point_body : ndarray of int32, shape (P,)
+        Body of each contact point.
+    point_position : ndarray, shape (P, 3)
+        Its centre in the frame of the body's joint [m].
+    point_radius : ndarray, shape (P,)
+    sphere_body, sphere_position, sphere_radius
+        The same for the spheres of self collision.
+    sphere_pairs : ndarray of int32, shape (Q, 2)
+        Pairs of spheres that may collide.
+    leg_length : float or None
+        Nominal length of a leg [m], from ``<custom><numeric name="leg_length">``.
+    ground : tuple of 4 floats or None
+        Normal and offset of the file's ground plane.
+    notes : tuple of str
+        What the loader decided: base, passive joints, ground.
+    """
+
+    name: str
+    xml: str
+    joint_names: tuple[str, ...]
+    joint_type: Ints
+    joint_parent: Ints
+    joint_offset: Floats
+    joint_axis: Floats
+    dof_names: tuple[str, ...]
+    lower: Floats
+    upper: Floats
+    actuated: NDArray[np.bool_]
+    home: Floats
+    body_names: tuple[str, ...]
+    body_joint: Ints
+    body_offset: Floats
+    pseudo_inertia: Floats
+    point_body: Ints
+    point_position: Floats
+    point_radius: Floats
+    sphere_body: Ints
+    sphere_position: Floats
+    sphere_radius: Floats
+    sphere_pairs: Ints
+    leg_length: float | None = None
+    ground: tuple[float, ...] | None = None
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value = value.copy()
+                value.flags.writeable = False
+                object.__setattr__(self, field.name, value)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Model '{self.name}': {self.nbodies} bodies, {self.ndof} dofs"
+            f" ({self.nactuated} actuated), {self.mass:.4g} kg, {self.npoints} contact points>"
+        )
+
+    # --- sizes and sums -------------------------------------------------------------------------
+
+    @property
+    def ndof(self) -> int:
+        """Number of degrees of freedom D."""
+        return len(self.dof_names)
+
+    @property
+    def nactuated(self) -> int:
+        """Number of dofs with a motor."""
+        return int(self.actuated.sum())
+
+    @property
+    def nbodies(self) -> int:
+        """Number of moving bodies K."""
+        return len(self.body_names)
+
+    @property
+    def npoints(self) -> int:
+        """Number of contact points P."""
+        return len(self.point_radius)
+
+    @cached_property
+    def mass(self) -> float:
+        """Mass of all moving bodies [kg]."""
+        return float(self.pseudo_inertia[:, 3, 3].sum())
+
+    @cached_property
+    def length(self) -> float:
+        """Characteristic length [m].
+
+        The largest distance, in the home pose, from the centre of mass to a contact point or to
+        the anchor of a joint.  The solver measures lengths in this unit.
+        """
+        center = self.center_of_mass(self.home)
+        frames = self.joint_transforms(self.home)
+        # The slides of a free base have their anchors at the origin of the world: not of the body.
+        anchors = frames[self.joint_type != SLIDE, :, 3]
+        places = np.concatenate([anchors, self.contact_positions(self.home), center[None]])
+        longest = float(np.linalg.norm(places - center, axis=1).max())
+        if longest > 1e-9:
+            return longest
+        spread = np.trace(self.link_inertia[:, :3, :3].sum(axis=0)) / self.mass
+        return float(np.sqrt(spread)) if spread > 1e-18 else 1.0
+
+    @cached_property
+    def joint_dof(self) -> Ints:
+        """First dof of every joint, shape (J,)."""
+        sizes = np.where(self.joint_type == BALL, 3, 1)
+        return np.asarray(np.cumsum(sizes) - sizes, dtype=np.int32)
+
+    @cached_property
+    def point_joint(self) -> Ints:
+        """Joint that carries each contact point, shape (P,)."""
+        return self.body_joint[self.point_body]
+
+    @cached_property
+    def sphere_joint(self) -> Ints:
+        """Joint that carries each sphere, shape (S,)."""
+        return self.body_joint[self.sphere_body]
+
+    @cached_property
+    def link_inertia(self) -> Floats:
+        """Pseudo-inertia of all that is fixed to a joint, in the joint's frame, shape (J, 4, 4)."""
+        out = np.zeros((len(self.joint_type), 4, 4))
+        np.add.at(
+            out, self.body_joint, transform_pseudo_inertia(self.body_offset, self.pseudo_inertia)
+        )
+        return out
+
+    @cached_property
+    def feet(self) -> dict[str, NDArray[np.intp]]:
+        """Contact points by body: those of bodies called feet or hands, else of all bodies.
+
+        Examples
+        --------
+        >>> import trajopt
+        >>> list(trajopt.load_model("biped").feet)
+        ['left_foot', 'right_foot']
+        """
+        groups = {
+            self.body_names[k]: np.flatnonzero(self.point_body == k)
+            for k in np.unique(self.point_body)
+        }
+        feet = {name: i for name, i in groups.items() if "foot" in name.lower()}
+        return feet or groups
+
+    @cached_property
+    def support_points(self) -> NDArray[np.intp]:
+        """Contact points on which the model stands at home: within 2 % of length of the lowest."""
+        if not self.npoints:
+            return np.zeros(0, dtype=np.intp)
+        height = self._heights(self.home)
+        return np.flatnonzero(height <= height.min() + 0.02 * self.length)
+
+    # --- kinematics -----------------------------------------------------------------------------
+
+    def joint_transforms(self, x: ArrayLike) -> Floats:
+        """World transforms of the joint frames.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (..., J, 3, 4)
+        """
+        x = self.check_configuration("x", x)
+        out = np.empty((*x.shape[:-1], len(self.joint_type), 3, 4))
+        for j, (kind, parent, dof) in enumerate(
+            zip(self.joint_type, self.joint_parent, self.joint_dof, strict=True)
+        ):
+            frame = self.joint_offset[j]
+            if parent >= 0:
+                frame = compose(out[..., parent, :, :], frame)
+            axis = self.joint_axis[j]
+            motion = np.zeros((*x.shape[:-1], 3, 4))
+            if kind == SLIDE:
+                motion[..., :3] = np.eye(3)
+                motion[..., 3] = x[..., dof, None] * axis
+            else:
+                r = x[..., dof, None] * axis if kind == HINGE else x[..., dof : dof + 3]
+                motion[..., :3] = rotations.exp(r)
+            out[..., j, :, :] = compose(frame, motion)
+        return out
+
+    def transforms(self, x: ArrayLike) -> Floats:
+        """World transforms [R t] of the bodies' frames.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., D)
+            Configurations.
+
+        Returns
+        -------
+        ndarray, shape (..., K, 3, 4)
+
+        Raises
+        ------
+        ArgumentError
+            If the last axis is not D long, or a number is not finite.
+
+        Examples
+        --------
+        >>> import trajopt
+        >>> model = trajopt.load_model("chain")
+        >>> model.transforms(model.home).shape
+        (5, 3, 4)
+        """
+        frames = self.joint_transforms(x)
+        return compose(frames[..., self.body_joint, :, :], self.body_offset)
+
+    def center_of_mass(self, x: ArrayLike) -> Floats:
+        """Centre of mass in the world.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (..., 3)
+            In m.
+        """
+        moments = self.transforms(x) @ self.pseudo_inertia[:, :, 3:]
+        return np.asarray(moments[..., 0].sum(axis=-2) / self.mass)
+
+    def contact_positions(self, x: ArrayLike) -> Floats:
+        """Centres of the contact points in the world.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (..., P, 3)
+            In m.
+        """
+        frames = self.joint_transforms(x)
+        return apply(frames[..., self.point_joint, :, :], self.point_position)
+
+    def sphere_centers(self, x: ArrayLike) -> Floats:
+        """Centres of the spheres of self collision in the world.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (..., S, 3)
+            In m.
+        """
+        frames = self.joint_transforms(x)
+        return apply(frames[..., self.sphere_joint, :, :], self.sphere_position)
+
+    def lowest_point(self, x: ArrayLike) -> Floats:
+        """Height [m] of the lowest point of all contact spheres; infinite without any.
+
+        Parameters
+        ----------
+        x : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (...)
+        """
+        return np.asarray(self._heights(x).min(axis=-1, initial=np.inf))
+
+    def _heights(self, x: ArrayLike) -> Floats:
+        return np.asarray(self.contact_positions(x)[..., 2] - self.point_radius)
+
+    def integrate(self, x: ArrayLike, delta: ArrayLike) -> Floats:
+        """Move a configuration along a tangent vector: x ⊕ δ.
+
+        Slides and hinges are added to; a ball turns by exp(δ) in the frame before its rotation (the
+        world's for a free body) and comes back as the rotation vector nearest to the one it had.
+
+        Parameters
+        ----------
+        x, delta : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (..., D)
+        """
+        x = self.check_configuration("x", x)
+        delta = self.check_configuration("delta", delta)
+        out = np.asarray(x + delta)
+        for d in self.joint_dof[self.joint_type == BALL]:
+            ball = slice(d, d + 3)
+            turned = rotations.exp(delta[..., ball]) @ rotations.exp(x[..., ball])
+            out[..., ball] = rotations.nearest(rotations.log(turned), x[..., ball])
+        return out
+
+    def difference(self, a: ArrayLike, b: ArrayLike) -> Floats:
+        """Tangent vector that leads from a to b: ``integrate(a, difference(a, b))`` is b.
+
+        Parameters
+        ----------
+        a, b : array_like, shape (..., D)
+
+        Returns
+        -------
+        ndarray, shape (..., D)
+            Rotations of balls are at most π.
+        """
+        a, b = self.check_configuration("a", a), self.check_configuration("b", b)
+        out = np.asarray(b - a)
+        for d in self.joint_dof[self.joint_type == BALL]:
+            ball = slice(d, d + 3)
+            relative = rotations.exp(b[..., ball]) @ np.swapaxes(
+                rotations.exp(a[..., ball]), -1, -2
+            )
+            out[..., ball] = rotations.log(relative)
+        return out
+
+    def check_configuration(self, argument: str, value: ArrayLike) -> Floats:
+        """Check the shape (..., D) and that every number is finite."""
+        try:
+            array = np.asarray(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ArgumentTypeError(f"{argument} must be an array of numbers: {error}") from error
+        if array.ndim == 0 or array.shape[-1] != self.ndof:
+            raise ArgumentError(
+                f"{argument} has shape {array.shape}; model '{self.name}' needs (..., {self.ndof})"
+            )
+        if not np.isfinite(array).all():
+            dof = int(np.argwhere(~np.isfinite(array))[0][-1])
+            raise ArgumentError(f"{argument} is not finite at dof '{self.dof_names[dof]}'")
+        return array
+
+    # --- dynamics -------------------------------------------------------------------------------
+
+    def dynamics_residual(
+        self,
+        x: ArrayLike,
+        x1: ArrayLike,
+        x2: ArrayLike,
+        dt: ArrayLike,
+        world: World | None = None,
+        contact: Contact | None = None,
+        integrator: str = "linear_acceleration",
+    ) -> Floats:
+        """Generalized force that three consecutive frames ask of the motors.
+
+        Inertia minus gravity and contact forces, tested with every dof.  Without world and contact
+        the model is in free flight.
+
+        Parameters
+        ----------
+        x, x1, x2 : array_like, shape (..., D)
+            Configurations of frames i, i−1 and i−2; they broadcast.
+        dt : float or array_like, shape (...)
+            Time step [s].
+        world : World, optional
+            Default: gravity alone, and the ground z = 0 if ``contact`` is given.
+        contact : Contact, optional
+            Law of contact; default ``Contact()`` where the world has an obstacle.
+        integrator : str
+            "implicit" (Pan, equation 5), "verlet", "fox_goodwin", "linear_acceleration" or
+            "trapezoidal".
+
+        Returns
+        -------
+        ndarray, shape (..., D)
+            In N and N·m.
+
+        Raises
+        ------
+        ArgumentError
+            If a shape does not fit, a number is not finite, or dt is not positive.
+        """
+        from trajopt.models import dynamics
+
+        return dynamics.residual(self, x, x1, x2, dt, world, contact, integrator)
+
+    def dynamics_jacobians(
+        self,
+        x: ArrayLike,
+        x1: ArrayLike,
+        x2: ArrayLike,
+        dt: ArrayLike,
+        world: World | None = None,
+        contact: Contact | None = None,
+        integrator: str = "linear_acceleration",
+    ) -> tuple[Floats, Floats, Floats]:
+        """Derivatives of :meth:`dynamics_residual`, with respect to rotation vectors for balls.
+
+        Parameters
+        ----------
+        x, x1, x2, dt, world, contact, integrator
+            As for :meth:`dynamics_residual`.
+
+        Returns
+        -------
+        tuple of three ndarrays, shape (..., D, D)
+            ∂FD/∂x, ∂FD/∂x1 and ∂FD/∂x2.
+        """
+        from trajopt.models import dynamics
+
+        return dynamics.jacobians(self, x, x1, x2, dt, world, contact, integrator)
+
+    def core_arguments(self, mass: float = 1.0, length: float = 1.0) -> dict[str, Any]:
+        """Keyword arguments of the compiled core's model, in units of a mass and a length.
+
+        Parameters
+        ----------
+        mass : float
+            Unit of mass [kg].
+        length : float
+            Unit of length [m].
+
+        Returns
+        -------
+        dict
+        """
+        scale = np.array([1 / length] * 3 + [1.0])
+        offset = self.joint_offset.copy()
+        offset[:, :, 3] /= length
+        slides = np.zeros(self.ndof, dtype=bool)
+        slides[self.joint_dof[self.joint_type == SLIDE]] = True
+        unit = np.where(slides, length, 1.0)
+        return {
+            "joint_type": self.joint_type,
+            "joint_parent": self.joint_parent,
+            "joint_offset": offset,
+            "joint_axis": self.joint_axis,
+            "link_inertia": self.link_inertia * np.outer(scale, scale) / mass,
+            "lower": self.lower / unit,
+            "upper": self.upper / unit,
+            "actuated": self.actuated,
+            "point_joint": self.point_joint,
+            "point_position": self.point_position / length,
+            "point_radius": self.point_radius / length,
+            "sphere_joint": self.sphere_joint,
+            "sphere_position": self.sphere_position / length,
+            "sphere_radius": self.sphere_radius / length,
+            "sphere_pairs": self.sphere_pairs,
+        }
+
+    # --- persistence ----------------------------------------------------------------------------
+
+    def replace(self, **changes: Any) -> Model:
+        """Return a copy with some attributes changed.
+
+        Examples
+        --------
+        >>> import trajopt
+        >>> trajopt.load_model("chain").replace(name="worm").name
+        'worm'
+        """
+        return replace(self, **changes)
+
+    def to_dict(self) -> dict[str, NDArray[Any]]:
+        """All attributes as plain arrays, strings included; nothing that needs pickle.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Fit for ``numpy.savez``; :meth:`from_dict` restores the model bit by bit.
+        """
+        out = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is None:
+                value = np.zeros(0)
+            elif isinstance(value, tuple) and not value:
+                value = np.zeros(0, dtype="U1")
+            out[field.name] = np.asarray(value)
+        return out
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, ArrayLike]) -> Model:
+        """Restore a model from :meth:`to_dict`.
+
+        Parameters
+        ----------
+        data : mapping of str to array_like
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        ModelError
+            If an attribute is missing.
+
+        Examples
+        --------
+        >>> import trajopt
+        >>> model = trajopt.load_model("chain")
+        >>> Model.from_dict(model.to_dict()).dof_names == model.dof_names
+        True
+        """
+        values: dict[str, Any] = {}
+        for field in fields(cls):
+            if field.name not in data:
+                raise ModelError(f"saved model lacks '{field.name}'")
+            array = np.asarray(data[field.name])
+            if field.name in ("name", "xml"):
+                values[field.name] = str(array)
+            elif field.name in ("joint_names", "dof_names", "body_names", "notes"):
+                values[field.name] = tuple(str(text) for text in array)
+            elif field.name == "leg_length":
+                values[field.name] = float(array) if array.size else None
+            elif field.name == "ground":
+                values[field.name] = tuple(float(v) for v in array) if array.size else None
+            else:
+                values[field.name] = array
+        return cls(**values)

@@ -1,0 +1,53 @@
+// factor(), solve() and refine() run hundreds of times a second: they must not allocate.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "linalg/random_matrix.h"
+#include "trajopt/linalg/bordered.h"
+
+namespace {
+std::atomic<long> allocations{0};
+}
+
+void* operator new(std::size_t bytes) {
+  ++allocations;
+  if (void* p = std::malloc(bytes ? bytes : 1)) return p;
+  throw std::bad_alloc();
+}
+void* operator new(std::size_t bytes, std::align_val_t alignment) {
+  ++allocations;
+  const std::size_t step = static_cast<std::size_t>(alignment);
+  if (void* p = std::aligned_alloc(step, (bytes + step - 1) / step * step)) return p;
+  throw std::bad_alloc();
+}
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
+
+namespace trajopt::linalg {
+namespace {
+
+TEST(Allocation, NoneAfterConstruction) {
+  SymmetricBlockTridiagonal a(20, 24);
+  test::fill_random(a, nullptr, 1);
+  std::vector<double> rhs = test::random_vector(a.rows(), 2), x = rhs;
+  std::vector<double> e(a.rows() * 2, 0.1), f = {50.0, 0.0, 0.0, 50.0}, y = {1.0, 2.0};
+  for (Ordering ordering : {Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
+    Factorization factorization(20, 24, ordering);
+    BorderedFactorization bordered(20, 24, 2, ordering);
+    const long before = allocations;
+    factorization.factor(a, nullptr, 1e-6, 2);
+    factorization.solve(x.data(), 1, 2);
+    factorization.refine(a, rhs.data(), x.data(), 1, 3, 1e-15, 2);
+    bordered.factor(a, e.data(), f.data(), nullptr, nullptr, 0.0, 2);
+    bordered.solve(x.data(), y.data(), 1, 2);
+    EXPECT_EQ(allocations - before, 0) << ordering_name(ordering);
+  }
+}
+
+}  // namespace
+}  // namespace trajopt::linalg
