@@ -6,6 +6,7 @@ namespace trajopt::bindings {
 
 void register_linalg(pybind11::module_& m);
 void register_model(pybind11::module_& m);
+void register_paper(pybind11::module_& m);
 void register_problem(pybind11::module_& m);
 void register_solver(pybind11::module_& m);
 

@@ -194,6 +194,7 @@ void register_model(py::module_& m) {
            "point_position"_a, "point_radius"_a, "sphere_joint"_a, "sphere_position"_a,
            "sphere_radius"_a, "sphere_pairs"_a)
       .def_readonly("ndof", &Model::ndof)
+      .def_readonly("nq", &Model::nq)
       .def_readonly("mass", &Model::mass)
       .def("kinematics",
            [](const Model& model, const Array& x) {

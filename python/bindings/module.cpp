@@ -15,7 +15,9 @@ PYBIND11_MODULE(_core, m) {
         "Instruction set the hot code runs with: portable, avx2 or avx512.");
   m.def("hardware_threads", &trajopt::hardware_threads);
   py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
+  trajopt::bindings::register_linalg(m);
   trajopt::bindings::register_model(m);
   trajopt::bindings::register_problem(m);
   trajopt::bindings::register_solver(m);
+  trajopt::bindings::register_paper(m);
 }

@@ -28,7 +28,7 @@ def _empty(*shape: int) -> Any:
     return field(default_factory=lambda: np.zeros(shape))
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Solution:
     """A motion found by `trajopt.solve`.
 
@@ -129,6 +129,9 @@ class Solution:
     seed: int = 0
     history: list[IterationRecord] = field(default_factory=list)
     settings: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<Solution of '{self.model.name}': {self.frames} frames, {self.status}>"
 
     @property
     def frames(self) -> int:

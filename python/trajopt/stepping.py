@@ -20,6 +20,9 @@ __all__ = ["SimulationError", "Stepper"]
 
 FloatArray = NDArray[np.float64]
 
+# Updates below this size [m, rad] that no longer shrink are rounding, not divergence.
+_ROUNDING = 1e-9
+
 
 class SimulationError(TrajoptError, RuntimeError):
     """A time step had no solution that Newton's method could find."""
@@ -133,12 +136,16 @@ class Stepper:
             follow = -_apply(self._inverse, gap)
             size = np.max(np.abs(step), axis=1)
             rest = np.max(np.abs(follow), axis=1)
-            floor = self.tolerance * (1.0 + np.max(np.abs(x), axis=1))
-            if np.all((rest <= floor) & (length == 1.0)):
+            scale = 1.0 + np.max(np.abs(x), axis=1)
+            floor = self.tolerance * scale
+            # Light links on heavy chains: rounding ends the descent before the tolerance does.
+            rounded = (rest > 0.5 * size) & (size <= _ROUNDING * scale)
+            done = (rest <= floor) | rounded
+            if np.all(done & (length == 1.0)):
                 self._check(trial, dt)
                 return self.wrapped(trial)
-            good = (rest < self._CONTRACTION * size) | (rest <= floor)
-            worse = ~(rest < size) & (rest > 30.0 * floor)
+            good = (rest < self._CONTRACTION * size) | done
+            worse = ~(rest < size) & ~done
             if np.all(good):
                 x, step = trial, follow
                 fresh = False

@@ -104,7 +104,7 @@ class World:
     def __post_init__(self) -> None:
         if isinstance(self.obstacles, Plane):
             raise ArgumentTypeError("World: obstacles must be a list; write World([Plane()])")
-        if not isinstance(self.obstacles, Sequence) or isinstance(self.obstacles, str):
+        if not isinstance(self.obstacles, (list, tuple)):
             kind = type(self.obstacles).__name__
             raise ArgumentTypeError(f"World: obstacles must be a list of Plane, not {kind}")
         for i, obstacle in enumerate(self.obstacles):
@@ -221,6 +221,4 @@ class Contact:
         if friction is None:
             friction = normal * 0.5 / (0.01 * speed)
         damping = 2.0 / speed if self.damping is None else self.damping
-        return ResolvedContact(
-            normal, friction, damping, self.model, self.mu, self.slip_velocity
-        )
+        return ResolvedContact(normal, friction, damping, self.model, self.mu, self.slip_velocity)

@@ -92,7 +92,7 @@ def test_file_without_an_entry(solution: trajopt.Solution, tmp_path: Path, lost:
         for name in source.namelist():
             if name != f"{lost}.npy":
                 target.writestr(name, source.read(name))
-    with pytest.raises(trajopt.FileFormatError, match=lost):
+    with pytest.raises(trajopt.FileFormatError, match=lost.split(".")[-1]):
         trajopt.Solution.load(damaged)
 
 

@@ -105,10 +105,19 @@ inline int eliminate_panel(const Elimination& e, int k0, double* failed) {
   return -1;
 }
 
+// Asks for the part of the next step's memory that falls to rows [begin, end) of this one.
+inline void fetch_ahead(const Elimination& e, int begin, int end) {
+  for (const Elimination::Ahead& ahead : e.ahead) {
+    const long first = ahead.count * begin / e.size / 8 * 8, last = ahead.count * end / e.size;
+    for (long i = first; i < last; i += 8) __builtin_prefetch(ahead.data + i, 0, 2);
+  }
+}
+
 inline Pivot eliminate(const Elimination& e) {
   Pivot pivot;
   for (int end = e.size; end > 0 && pivot.row < 0;) {
     const int rows = next_panel(end);
+    fetch_ahead(e, e.size - end, e.size - end + rows);
     with_constant<kTileRows>(
         rows, [&]<int MR>() { pivot.row = eliminate_panel<MR>(e, end - MR, &pivot.value); });
     end -= rows;

@@ -76,9 +76,7 @@ def ground(m: Any) -> tuple[NDArray[Any], float] | None:
     """
     for geom in _planes(m):
         body = int(m.geom_bodyid[geom])
-        frame = rigid(
-            m.geom_pos[geom], rotations.matrix_from_quaternion(m.geom_quat[geom])
-        )
+        frame = rigid(m.geom_pos[geom], rotations.matrix_from_quaternion(m.geom_quat[geom]))
         while body > 0:
             rotation = rotations.matrix_from_quaternion(m.body_quat[body])
             frame = compose(rigid(m.body_pos[body], rotation), frame)
@@ -93,7 +91,8 @@ def scenery(m: Any) -> list[str]:
     planes = _planes(m)[:1]
     # The fixed base of a robot is not scenery: something that moves hangs on it.
     bases = set()
-    for body in np.flatnonzero(m.body_weldid != 0):
+    for moving in np.flatnonzero(m.body_weldid != 0):
+        body = int(moving)
         while body > 0:
             body = int(m.body_parentid[body])
             bases.add(body)

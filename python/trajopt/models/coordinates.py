@@ -45,7 +45,8 @@ def to_qpos(m: Any, x: ArrayLike) -> NDArray[np.float64]:
     --------
     >>> import mujoco
     >>> m = mujoco.MjModel.from_xml_string(
-    ...     "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>")
+    ...     "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+    ... )
     >>> to_qpos(m, [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]).tolist()
     [1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0]
     """

@@ -32,9 +32,7 @@ def core_model(model: Model) -> Any:
     return _cores[model]
 
 
-def physics(
-    model: Model, world: World | None, contact: Contact | None, integrator: str
-) -> Any:
+def physics(model: Model, world: World | None, contact: Contact | None, integrator: str) -> Any:
     """Core's description of gravity, ground and contact law, in SI units.
 
     Without a contact law a world with an obstacle gets the default one; without a world a contact
@@ -113,8 +111,7 @@ def _flatten(
 ) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
     """Broadcast the leading axes and merge them into one."""
     arrays = [
-        model.check_configuration(name, value)
-        for name, value in (("x", x), ("x1", x1), ("x2", x2))
+        model.check_configuration(name, value) for name, value in (("x", x), ("x1", x1), ("x2", x2))
     ]
     try:
         steps = np.asarray(dt, dtype=np.float64)

@@ -145,4 +145,4 @@ def _row(reach: NDArray[Any], radius: float) -> NDArray[Any]:
     if length < 1e-9:
         return np.zeros((1, 3))
     count = min(MAX_SPHERES, int(np.ceil(length / radius)) + 1)
-    return np.linspace(-1, 1, count)[:, None] * reach
+    return np.asarray(np.linspace(-1, 1, count)[:, None] * reach)

@@ -14,10 +14,13 @@ import numpy as np
 from trajopt.errors import ArgumentError, ModelWarning
 from trajopt.model import Model
 from trajopt.models import contacts, represent
+from trajopt.models.assets import drop_files
+from trajopt.models.base import set_base
 from trajopt.models.canonical import canonical_xml
 from trajopt.models.home import home_pose
 from trajopt.models.inertia import pseudo_inertia
-from trajopt.models.prepare import compile_spec, drop_files, listing, set_base
+from trajopt.models.messages import listing
+from trajopt.models.prepare import compile_spec, free_mimics, repair_inertias
 from trajopt.models.source import read
 from trajopt.models.tree import build_tree
 
@@ -85,6 +88,8 @@ def load_model(
             raise ArgumentError(f"{argument} must be one of {', '.join(known)}, not {value!r}")
     source = read(path_or_name)
     drop_files(source)
+    repair_inertias(source)
+    free_mimics(source)
     notes = set_base(source, base)
     m = compile_spec(source)
     represent.refuse(m, source.label)

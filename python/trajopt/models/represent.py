@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from trajopt.errors import ModelError
-from trajopt.models.prepare import listing
+from trajopt.models.messages import listing
 
 __all__ = ["actuated_dofs", "ignored", "refuse"]
 
@@ -51,7 +51,10 @@ def refuse(m: Any, label: str) -> None:
                 f"{label}: tendon {name('tendon', i)} has {what}, which cannot be represented"
             )
     if m.nflex:
-        raise ModelError(f"{label}: flex {name('flex', 0)} cannot be represented: bodies are rigid")
+        import mujoco
+
+        flex = mujoco.mj_id2name(m, mujoco.mjtObj.mjOBJ_FLEX, 0)
+        raise ModelError(f"{label}: flex '{flex}' cannot be represented: bodies are rigid")
     for body in range(m.nbody):
         if m.body_plugin[body] >= 0:
             raise ModelError(f"{label}: plugin of body {name('body', body)} cannot be represented")
@@ -99,15 +102,16 @@ def ignored(m: Any, limited_balls: list[str]) -> list[str]:
         return f"{kind if len(every) == 1 else kind + 's'} {listing(every)}"
 
     out = []
-    dof_joint = m.dof_jntid
+    passive: dict[str, list[str]] = {}  # one phrase for what concerns the same joints
     for what, per_dof in (
         ("damping", m.dof_damping.reshape(m.nv, -1)[:, 0]),
         ("dry friction", m.dof_frictionloss),
         ("armature", m.dof_armature),
     ):
         if np.any(per_dof):
-            hit = np.isin(np.arange(m.njnt), dof_joint[per_dof != 0])
-            out.append(f"{what} of {names('joint', hit)}")
+            hit = np.isin(np.arange(m.njnt), m.dof_jntid[per_dof != 0])
+            passive.setdefault(names("joint", hit), []).append(what)
+    out += [f"{' and '.join(what)} of {joints}" for joints, what in passive.items()]
     stiffness = m.jnt_stiffness.reshape(m.njnt, -1)[:, 0]
     if np.any(stiffness):
         out.append(f"springs of {names('joint', stiffness != 0)}")

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from trajopt.errors import ArgumentTypeError, ModelError
+from trajopt.models.messages import one_line
 
-__all__ = ["Source", "builtin_names", "builtin_path", "one_line", "read"]
+__all__ = ["Source", "builtin_names", "builtin_path", "read"]
 
 _CHARACTERS = Path(__file__).parent / "characters"
 _MESH_FORMATS = (".stl", ".obj", ".msh")
@@ -30,6 +31,8 @@ class Source:
         Name of the model.
     urdf : bool
         Whether the file is URDF rather than MJCF.
+    grounded : bool
+        Whether it is a URDF whose root link is called ``world``.
     spec : mujoco.MjSpec
         Its editable content.
     missing : dict of str to str
@@ -39,6 +42,7 @@ class Source:
     label: str
     name: str
     urdf: bool
+    grounded: bool
     spec: Any
     missing: dict[str, str] = field(default_factory=dict)
 
@@ -57,12 +61,6 @@ def builtin_names() -> tuple[str, ...]:
 def builtin_path(name: str) -> Path:
     """Path of the MJCF file of a built-in character."""
     return _CHARACTERS / f"{name}.xml"
-
-
-def one_line(error: BaseException) -> str:
-    """Message of an error of MuJoCo's compiler, which may span several lines, as one."""
-    text = re.sub(r"\s+", " ", str(error)).strip()
-    return text.removeprefix("Error: ").removeprefix("XML Error: ")
 
 
 def read(path_or_name: str | os.PathLike[str]) -> Source:
@@ -103,6 +101,7 @@ def read(path_or_name: str | os.PathLike[str]) -> Source:
         label=builtin or path.name,
         name=builtin or own or path.stem,
         urdf=root.tag == "robot",
+        grounded="world" in _root_links(root),
         spec=spec,
     )
     _resolve_meshes(source, path.resolve().parent)
@@ -141,6 +140,12 @@ def _root(path: Path) -> ET.Element:
     return root
 
 
+def _root_links(robot: ET.Element) -> set[str]:
+    """Names of the links of a URDF that no joint moves."""
+    children = {str(child.get("link")) for child in robot.iterfind("joint/child")}
+    return {str(link.get("name")) for link in robot.iterfind("link")} - children
+
+
 def _resolve_meshes(source: Source, folder: Path) -> None:
     """Point mesh assets at files that exist; note the others in ``source.missing``."""
     spec = source.spec
@@ -152,6 +157,8 @@ def _resolve_meshes(source: Source, folder: Path) -> None:
             source.missing[mesh.name] = f"{mesh.file} not found"
         elif found.suffix.lower() not in _MESH_FORMATS:
             source.missing[mesh.name] = f"{mesh.file} is not STL, OBJ or MSH"
+        elif found.suffix.lower() == ".stl" and not _is_binary_stl(found):
+            source.missing[mesh.name] = f"{mesh.file} is not a binary STL of 1 to 200000 faces"
         else:
             mesh.file = str(found)
     spec.strippath = False
@@ -178,3 +185,10 @@ def _find(file: str, folder: Path, meshdir: str) -> Path | None:
     name = Path(rest).name
     candidates += [folder / meshdir / name, folder / name, folder / "meshes" / name]
     return next((path.resolve() for path in candidates if path.is_file()), None)
+
+
+def _is_binary_stl(path: Path) -> bool:
+    """Whether the size of the file agrees with its number of faces, and MuJoCo takes as many."""
+    with path.open("rb") as file:
+        count = int.from_bytes(file.read(84)[80:84], "little")
+    return path.stat().st_size >= 84 + 50 * count and 1 <= count <= 200000

@@ -38,7 +38,7 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
             "contact": call_with(Contact, settings.get("contact", {}), "[contact]"),
             "initial": settings.get("initial"),
         },
-        "[grid]",
+        "the scenario",
         model,
     )
     for table in settings["objective"]:
@@ -46,7 +46,16 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
         where = f"[[objective]] {table['type']}"
         term = call_with(objective_types()[table["type"]], values, where)
         call_with(problem.add, {}, where, term)
-    return problem, dict(settings.get("solver", {}))
+    return problem, _options(settings.get("solver", {}))
+
+
+def _options(table: dict[str, Any]) -> dict[str, Any]:
+    from trajopt.solver import Stage
+
+    options = dict(table)
+    if "stages" in table:
+        options["stages"] = [call_with(Stage, s, "[[solver.stages]]") for s in table["stages"]]
+    return options
 
 
 def _model(table: dict[str, Any], folder: Path) -> Model:

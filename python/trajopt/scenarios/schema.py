@@ -89,6 +89,13 @@ def solver_keys() -> list[str]:
     return parameters(solve, without=OF_THE_RUN)
 
 
+def stage_keys() -> list[str]:
+    """Return the keys of ``[[solver.stages]]``."""
+    from trajopt.solver import Stage
+
+    return parameters(Stage)
+
+
 def check_schema(settings: dict[str, Any]) -> None:
     """Check that every section and key of `settings` exists.
 
@@ -116,7 +123,9 @@ def check_schema(settings: dict[str, Any]) -> None:
             raise ScenarioError(f"[grid] {key} must be a number > 0 [s], got {value!r}")
     check_keys(settings.get("initial", {}), INITIAL, "[initial]")
     check_keys(settings.get("contact", {}), contact_keys(), "[contact]")
-    check_keys(settings.get("solver", {}), solver_keys(), "[solver]")
+    solver = check_keys(settings.get("solver", {}), solver_keys(), "[solver]")
+    for stage in _tables(solver.get("stages", []), "[[solver.stages]]"):
+        check_keys(stage, stage_keys(), "[[solver.stages]]")
     world = check_keys(settings.get("world", {}), world_keys(), "[world]")
     _check_typed(world.get("obstacles", []), obstacle_types(), "[[world.obstacles]]")
     _check_typed(settings["objective"], objective_types(), "[[objective]]")
@@ -124,10 +133,15 @@ def check_schema(settings: dict[str, Any]) -> None:
 
 def _check_typed(tables: object, types: dict[str, type], where: str) -> None:
     """Check a list of tables, each of which names the class it describes as ``type``."""
-    if not isinstance(tables, list):
-        raise ScenarioError(f"{where} must be a list of tables")
-    for table in tables:
-        if not isinstance(table, dict) or "type" not in table:
+    for table in _tables(tables, where):
+        if "type" not in table:
             raise ScenarioError(f"{where} needs a type: one of {', '.join(types)}")
         kind = types[check_choice(table["type"], types, f"type in {where}")]
         check_keys(table, ["type", *parameters(kind)], f"{where} {table['type']}")
+
+
+def _tables(value: object, where: str) -> list[dict[str, Any]]:
+    """Return `value` if it is a list of tables."""
+    if not isinstance(value, list) or not all(isinstance(table, dict) for table in value):
+        raise ScenarioError(f"{where} must be a list of tables")
+    return value

@@ -13,8 +13,12 @@ G = '<geom type="box" size=".1 .2 .3" pos=".1 0 .05" euler=".3 .1 0" mass="2"/>'
 
 TREES = {
     "hinge": f'<body name="a" pos="1 2 3" euler=".1 .2 .3"><joint axis="0 1 0"/>{G}</body>',
-    "anchored hinge": f'<body name="a" euler=".4 0 0"><joint axis="1 2 3" pos=".3 -.2 .1"/>{G}</body>',
-    "slide": f'<body name="a" euler="0 .4 0"><joint type="slide" axis="1 0 2" pos="1 1 1"/>{G}</body>',
+    "anchored hinge": (
+        f'<body name="a" euler=".4 0 0"><joint axis="1 2 3" pos=".3 -.2 .1"/>{G}</body>'
+    ),
+    "slide": (
+        f'<body name="a" euler="0 .4 0"><joint type="slide" axis="1 0 2" pos="1 1 1"/>{G}</body>'
+    ),
     "reference angle": f'<body name="a"><joint axis="0 1 1" ref=".7" pos=".1 0 0"/>{G}</body>',
     "reference slide": f'<body name="a"><joint type="slide" axis="0 1 1" ref=".7"/>{G}</body>',
     "ball": f'<body name="a" euler="1 0 0"><joint type="ball" pos=".1 .2 .3"/>{G}</body>',
@@ -38,7 +42,9 @@ TREES = {
         f'<body name="c" pos="-.5 0 0"><joint type="ball"/>{G}'
         f'<body name="e" pos="0 0 -1"><joint axis="1 0 0"/>{G}</body></body></body>'
     ),
-    "two free bodies": f'<body name="a"><freejoint/>{G}</body><body name="b"><freejoint/>{G}</body>',
+    "two free bodies": (
+        f'<body name="a"><freejoint/>{G}</body><body name="b"><freejoint/>{G}</body>'
+    ),
     "arm on a fixed stand": (
         f'<body name="stand" pos="0 0 1" euler="0 0 1">{G}'
         f'<body name="a" pos=".2 0 .3"><joint axis="0 0 1"/>{G}</body></body>'
@@ -63,7 +69,7 @@ def test_link_inertia_gives_the_kinetic_energy(mjcf, name):
     for x in random_configurations(model, 3, seed=1):
         velocity = rng.normal(size=model.ndof)
         h = 1e-5
-        rate = (model.joint_transforms(x + h * velocity) - model.joint_transforms(x - h * velocity))
+        rate = model.joint_transforms(x + h * velocity) - model.joint_transforms(x - h * velocity)
         rate = rate / (2 * h)
         energy = 0.5 * np.einsum("jab,jbc,jac->", rate, model.link_inertia, rate)
         data.qpos[:] = to_qpos(reference, x)

@@ -23,7 +23,13 @@ def link(name, mass=None, collision=""):
     return f'<link name="{name}">{inertial}{shape}</link>'
 
 
-def joint(name, parent, child, kind="revolute", inside='<limit lower="-1" upper="2" effort="1" velocity="1"/>'):
+def joint(
+    name,
+    parent,
+    child,
+    kind="revolute",
+    inside='<limit lower="-1" upper="2" effort="1" velocity="1"/>',
+):
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f'<origin xyz=".2 .1 .3" rpy=".1 .2 .3"/><axis xyz="0 1 0"/>{inside}</joint>'
@@ -97,6 +103,15 @@ def test_kinematics_and_mass_equal_pinocchio(load_text, tmp_path, base):
             np.testing.assert_allclose(model.center_of_mass(x), center, atol=1e-9)
 
 
+def test_what_is_mounted_on_the_world_link_stays(load_text):
+    text = robot(
+        link("world"), link("table", 5), link("arm", 1, '<sphere radius=".1"/>'),
+        joint("mount", "world", "table", "fixed"), joint("a", "table", "arm"),
+    )  # fmt: skip
+    assert load_text(text, ".urdf").ndof == 1
+    assert load_text(text, ".urdf", base="floating").ndof == 7
+
+
 def test_massless_links_weigh_nothing(load_text):
     model = load_text(LEG, ".urdf")
     assert model.pseudo_inertia[model.body_names.index("hip")].tolist() == np.zeros((4, 4)).tolist()
@@ -130,12 +145,19 @@ def test_missing_meshes_make_one_warning(load_text):
     assert model.mass == pytest.approx(4)
 
 
-def test_missing_mesh_without_inertia_is_refused(load_text):
+def test_links_without_inertial_weigh_nothing_whatever_their_shape(load_text):
     text = robot(
-        link("base", 3), link("foot", None, MESH.format("foot.stl")), joint("j", "base", "foot")
+        link("base", 3), link("foot", None, '<box size="1 1 1"/>'), joint("j", "base", "foot")
     )
+    assert load_text(text, ".urdf").mass == pytest.approx(3)
+
+
+def test_missing_mesh_that_mass_comes_from_is_refused(mjcf):
     with pytest.raises(ModelError, match=r"body 'foot' has no inertial.*foot\.stl not found"):
-        load_text(text, ".urdf")
+        mjcf(
+            '<body name="foot"><freejoint/><geom type="mesh" mesh="foot"/></body>',
+            '<asset><mesh name="foot" file="foot.stl"/></asset>',
+        )
 
 
 def test_mesh_of_a_package_is_found(tmp_path):
@@ -164,27 +186,48 @@ def test_mesh_of_a_package_is_found(tmp_path):
     assert {tuple(p) for p in baked.point_position.round(5) + 0.0} == points
 
 
-def test_mimic_joint_is_refused(load_text):
+def test_mimic_joint_moves_on_its_own_with_a_warning(load_text):
     text = robot(
         link("base", 1), link("a", 1), link("b", 1), joint("left", "base", "a"),
         joint("right", "base", "b", inside='<mimic joint="left" multiplier="-1"/>'
               '<limit lower="-1" upper="1" effort="1" velocity="1"/>'),
     )  # fmt: skip
-    with pytest.raises(ModelError, match=r"equality constraint .*joint of 'right' and 'left'"):
+    with pytest.warns(ModelWarning, match="mimic joints move on their own: right"):
+        assert load_text(text, ".urdf").ndof == 8
+
+
+@pytest.mark.parametrize(
+    ("moments", "expected"),
+    [
+        ('ixx="1" iyy="1" izz="5" ixy="0" ixz="0" iyz="0"', [2.5, 2.5, 0, 1]),
+        # indefinite: an eigenvalue of the tensor itself is negative
+        ('ixx="1" iyy="1" izz="1" ixy="2" ixz="0" iyz="0"', None),
+    ],
+)
+def test_impossible_inertia_is_repaired_with_a_warning(load_text, moments, expected):
+    text = robot(
+        f'<link name="base"><inertial><mass value="1"/><inertia {moments}/></inertial>'
+        '<collision><geometry><sphere radius="1"/></geometry></collision></link>'
+    )
+    with pytest.warns(ModelWarning, match=r"inertia of base .*violate A \+ B >= C"):
+        model = load_text(text, ".urdf")
+    assert model.mass == pytest.approx(1)
+    moments = np.linalg.eigvalsh(model.pseudo_inertia[0])
+    assert (moments > -1e-15).all()
+    if expected is not None:
+        np.testing.assert_allclose(np.diag(model.pseudo_inertia[0]), expected, atol=1e-6)
+
+
+def test_ascii_stl_counts_as_missing(load_text, tmp_path):
+    (tmp_path / "foot.stl").write_text("solid x\nfacet normal 0 0 1\n" + "x" * 100)
+    text = robot(link("base", 3, '<mesh filename="foot.stl"/>'))
+    with pytest.warns(ModelWarning, match=r"foot\.stl is not a binary STL"):
         load_text(text, ".urdf")
 
 
-def test_impossible_inertia_is_balanced_with_a_warning(load_text):
-    text = robot(
-        '<link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="5" ixy="0"'
-        ' ixz="0" iyz="0"/></inertial><collision><geometry><sphere radius="1"/></geometry>'
-        "</collision></link>"
-    )
-    with pytest.warns(ModelWarning, match="violate A \\+ B >= C"):
-        assert load_text(text, ".urdf").mass == pytest.approx(1)
-
-
 def test_xacro_gets_a_hint(load_text):
-    text = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
+    text = (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
+    )
     with pytest.raises(ModelError, match="expand them first"):
         load_text(text, ".urdf")

@@ -225,14 +225,15 @@ class Reference:
         above = np.where(above.real > 0.0, above, 0.0)
         below = np.where(below.real > 0.0, below, 0.0)
         out = 3.0 * law.limit * (above**2 - below**2)
-        for a, b in self.pairs:
-            apart = f.sphere[..., a, :] - f.sphere[..., b, :]
-            distance = np.sqrt(np.sum(apart * apart, axis=-1))
-            overlap = self.sphere_radius[a] + self.sphere_radius[b] - distance
-            overlap = np.where(overlap.real > 0.0, overlap, 0.0)
-            force = (-3.0 * law.self_collision * overlap**2 / distance)[..., None] * apart
-            gradient = f.sphere_slope[..., a, :, :] - f.sphere_slope[..., b, :, :]
-            out = out + np.einsum("...dc,...c->...d", gradient, force)
+        a, b = self.pairs.T
+        apart = f.sphere[..., a, :] - f.sphere[..., b, :]
+        distance = np.sqrt(np.sum(apart * apart, axis=-1))
+        overlap = self.sphere_radius[a] + self.sphere_radius[b] - distance
+        for k in np.flatnonzero(np.any(overlap.real.reshape(-1, len(a)) > 0.0, axis=0)):
+            depth = np.where(overlap[..., k].real > 0.0, overlap[..., k], 0.0)
+            force = (-3.0 * law.self_collision * depth**2 / distance[..., k])[..., None]
+            gradient = f.sphere_slope[..., a[k], :, :] - f.sphere_slope[..., b[k], :, :]
+            out = out + np.einsum("...dc,...c->...d", gradient, force * apart[..., k, :])
         return out
 
     def inertia(self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law) -> Array:

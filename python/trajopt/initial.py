@@ -1,0 +1,81 @@
+"""The state a motion starts from, as the user writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trajopt.checks import finite_array, number
+from trajopt.errors import ArgumentError, ArgumentTypeError
+
+if TYPE_CHECKING:
+    from trajopt.model import Model
+
+__all__ = ["InitialState", "parse_initial"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class InitialState:
+    """Pose, velocity and whether the pose is set on the ground.
+
+    Parameters
+    ----------
+    pose : (D,) array
+        Coordinates [m, rad].
+    velocity : (D,) array
+        Velocities in the tangent [m/s, rad/s].
+    height : float or None
+        Height of the lowest point above the ground [m] for a start in the air; None settles.
+    """
+
+    pose: FloatArray
+    velocity: FloatArray
+    height: float | None = None
+
+
+def parse_initial(model: Model, initial: Any) -> InitialState:
+    """Read `initial` of `Problem`.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        Names the key or coordinate, its value and the expectation.
+    """
+    if not isinstance(initial, Mapping):
+        initial = {"pose": "home" if initial is None else initial}
+    unknown = set(initial) - {"pose", "height", "velocity"}
+    if unknown:
+        raise ArgumentError(
+            f"initial: unknown key {sorted(unknown)[0]!r}, expected pose, height or velocity"
+        )
+    pose = initial.get("pose", "home")
+    height = initial.get("height")
+    return InitialState(
+        model.home.copy()
+        if isinstance(pose, str) and pose == "home"
+        else _coordinates(model, "initial pose", pose, model.home),
+        _coordinates(model, "initial velocity", initial.get("velocity", {}), np.zeros(model.ndof)),
+        None if height is None else number("initial", "height", height),
+    )
+
+
+def _coordinates(model: Model, what: str, value: Any, default: FloatArray) -> FloatArray:
+    if isinstance(value, str):
+        raise ArgumentTypeError(f"{what}: expected 'home', an array or a table, not {value!r}")
+    if not isinstance(value, Mapping):
+        return finite_array("Problem", what, value, (model.ndof,))
+    out = default.copy()
+    names = list(model.dof_names)
+    for name, entry in value.items():
+        if name not in names:
+            raise ArgumentError(
+                f"{what}: no coordinate is called {name!r}; the model has {', '.join(names)}"
+            )
+        out[names.index(name)] = number(what, name, entry)
+    return out

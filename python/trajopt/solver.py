@@ -1,0 +1,294 @@
+"""`solve`: from a problem to a motion, in stages of growing contact stiffness."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trajopt import _core
+from trajopt.checks import non_negative, positive
+from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
+from trajopt.methods import METHODS, paper_problem, run_core
+from trajopt.records import IterationRecord
+from trajopt.result import build_solution
+from trajopt.status import Status
+from trajopt.transcription import Stage, Transcription
+
+if TYPE_CHECKING:
+    from trajopt.problem import Problem
+    from trajopt.solution import Solution
+
+__all__ = ["DEFAULT_STAGES", "Stage", "solve"]
+
+FloatArray = NDArray[np.float64]
+
+# Soft ground first: contacts are felt from afar, so the optimizer finds where to step; the last
+# stage is the user's ground.
+DEFAULT_STAGES = (
+    Stage(stiffness=1 / 50, friction=0.2, iterations=150),
+    Stage(stiffness=1 / 7, friction=0.5, iterations=150),
+    Stage(),
+)
+MAX_ITERATIONS = 1000
+
+
+@dataclass
+class _Run:
+    """State of a solve shared by its stages."""
+
+    transcription: Transcription
+    callback: Callable[[IterationRecord], object] | None
+    seed: int
+    method: str
+    ordering: str
+    history: list[IterationRecord] = field(default_factory=list)
+    iterations: int = 0
+    started: float = field(default_factory=time.perf_counter)
+    stage_index: int = 0
+    stage: Stage = field(default_factory=Stage)
+    initial: FloatArray = field(default_factory=lambda: np.zeros((2, 0)))
+
+    def observer(self, core: Any) -> Callable[[dict[str, Any], FloatArray], bool]:
+        """Turn the core's records into ours, number them through, ask the callback."""
+        offset = self.iterations
+        force = self.transcription.scales.force
+
+        def observe(values: dict[str, Any], state: FloatArray) -> bool:
+            names = self.transcription.term_names
+            record = IterationRecord(
+                iteration=offset + values["iteration"] + 1,
+                stage=self.stage_index,
+                objective=values["objective"],
+                objective_terms=dict(zip(names, values["terms"], strict=True)),
+                constraint_violation=values["constraint_violation"] * force,
+                frame_violation=values["frame_violation"],
+                merit_penalty=values["penalty"],
+                radius=values["radius"],
+                damping=values["damping"],
+                step_norm=values["step_norm"],
+                accepted=values["accepted"],
+                seconds=values["seconds"],
+                elapsed=time.perf_counter() - self.started,
+                snapshot=lambda: self.solution(
+                    core, state, Status.INTERRUPTED, "checkpoint", self.stage
+                ),
+            )
+            stop = self.callback(record) if self.callback is not None else False
+            self.history.append(IterationRecord.from_dict(record.to_dict()))
+            return stop is not True
+
+        return observe
+
+    def solution(
+        self, core: Any, state: FloatArray, status: Status, message: str, stage: Stage
+    ) -> Solution:
+        """Package a state."""
+        return build_solution(
+            self.transcription,
+            core,
+            state,
+            stage,
+            initial=self.initial,
+            status=status,
+            message=message,
+            iterations=len(self.history),
+            seconds=time.perf_counter() - self.started,
+            history=list(self.history),
+            seed=self.seed,
+            ordering=self.ordering,
+            settings={"method": self.method, "stage": self.stage_index},
+        )
+
+
+def solve(
+    problem: Problem,
+    method: str = "default",
+    device: str = "auto",
+    callback: Callable[[IterationRecord], object] | None = None,
+    max_iterations: int | None = None,
+    warm_start: Solution | None = None,
+    seed: int = 0,
+    threads: int | None = None,
+    tolerance: float = 1e-3,
+    constraint_tolerance: float = 1e-9,
+    noise: float = 1e-3,
+    stages: Sequence[Stage] | None = None,
+    ordering: str = "auto",
+    refine: float | None = None,
+    max_refinements: int = 3,
+) -> Solution:
+    """Find a motion.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : {"default", "paper"}
+        ``default``: Levenberg-Marquardt SQP in a funnel, in stages of growing stiffness.
+        ``paper``: Pan's Algorithm 1 on his version of the problem (Hermite spline, implicit
+        integrator, undamped contact with w_t = w_n), in his three passes of stiffness.
+    device : {"auto", "cpu"}
+        Where to run; this version has the CPU backend.
+    callback : callable, optional
+        Called with an `IterationRecord` after each iteration; returning True stops the solve.
+    max_iterations : int, optional
+        Limit over all stages; 1000 by default.
+    warm_start : Solution, optional
+        Motion to start from; a checkpoint continues with the stage it was written in.
+    seed : int
+        Seed of the noise on the start.
+    threads : int, optional
+        All processors by default. The result has the same bits for every number.
+    tolerance : float
+        Solved when the objective falls by less than this share in ten iterations ...
+    constraint_tolerance : float
+        ... and ‖C‖∞ is below this many body weights.
+    noise : float
+        Amplitude of the noise on the settled start [lengths, rad].
+    stages : sequence of Stage, optional
+        Passes of the solve; a warm start runs only the last by default.
+    ordering : {"auto", "sequential", "cyclic", "chunked"}
+        Elimination order of the KKT system.
+    refine : float, optional
+        Refine the time grid where the residual between frames exceeds this share of the body
+        weight, and solve again.
+    max_refinements : int
+        Limit of such passes.
+
+    Returns
+    -------
+    Solution
+        Always the best motion found; `status` and `message` say why the solver stopped.
+
+    Raises
+    ------
+    ArgumentError, DeviceError
+        Bad arguments, before any work starts.
+    """
+    if method not in METHODS:
+        raise ArgumentError(f"solve: method = {method!r}, expected one of {', '.join(METHODS)}")
+    if device not in ("auto", "cpu"):
+        raise DeviceError(f"solve: device = {device!r}, but this build has the CPU backend only")
+    if threads is not None and (not isinstance(threads, int) or threads < 1):
+        raise ArgumentError(f"solve: threads must be a whole number >= 1, not {threads!r}")
+    if max_iterations is not None and (not isinstance(max_iterations, int) or max_iterations < 1):
+        raise ArgumentError(
+            f"solve: max_iterations must be a whole number >= 1, not {max_iterations!r}"
+        )
+    positive("solve", "tolerance", tolerance)
+    positive("solve", "constraint_tolerance", constraint_tolerance)
+    non_negative("solve", "noise", noise)
+    if refine is not None:
+        positive("solve", "refine", refine)
+    if method == "paper":
+        problem = paper_problem(problem)
+
+    run = _Run(
+        Transcription(problem, threads or _core.hardware_threads()),
+        callback,
+        seed,
+        method,
+        ordering,
+    )
+    passes = list(METHODS[method].stages if stages is None else stages)
+    if warm_start is not None:
+        passes = _remaining(passes, warm_start, given=stages is not None)
+    limit = MAX_ITERATIONS if max_iterations is None else max_iterations
+    guess = None if warm_start is None else _resample(problem, warm_start)
+    options = {
+        "constraint_tolerance": constraint_tolerance,
+        "objective_tolerance": tolerance,
+        "ordering": ordering,
+    }
+    solution = _run_stages(run, passes, guess, limit, noise, options)
+    if refine is not None and solution.status is Status.SOLVED:
+        from trajopt.refinement import refine_solution
+
+        solution = refine_solution(
+            run, solution, refine, max_refinements, limit, options, _run_stages
+        )
+    return solution
+
+
+def _run_stages(
+    run: _Run,
+    passes: Sequence[tuple[int, Stage]] | Sequence[Stage],
+    guess: FloatArray | None,
+    limit: int,
+    noise: float,
+    options: dict[str, Any],
+) -> Solution:
+    """Solve stage by stage, each from the motion of the one before."""
+    transcription = run.transcription
+    numbered = [p if isinstance(p, tuple) else (k, p) for k, p in enumerate(passes)]
+    for index, stage in numbered:
+        run.stage_index, run.stage = index, stage
+        run.initial = transcription.initial_frames(stage)
+        core = transcription.core_problem(stage, run.initial)
+        if guess is None:
+            frames = np.tile(run.initial[1], (transcription.problem.frames, 1))
+            state = core.state_from_frames(transcription.to_core(frames))
+            rng = np.random.default_rng(run.seed)
+            state = _perturb(transcription, core, state, transcription.noise(rng, noise))
+        else:
+            state = core.state_from_frames(transcription.to_core(guess))
+        last = index == numbered[-1][0]
+        budget = limit - len(run.history)
+        if stage.iterations is not None and not last:
+            budget = min(budget, stage.iterations)
+        name, message, count, state = run_core(
+            run.method, core, state, run.observer(core), max(budget, 1), last, options
+        )
+        run.iterations += count
+        status = Status(name)
+        if last or status in (Status.INTERRUPTED, Status.NUMERICAL_FAILURE):
+            break
+        guess = transcription.to_si(core.evaluate(state)["frames"])[2:]
+        if len(run.history) >= limit:
+            break
+    return run.solution(core, state, status, message, stage)
+
+
+def _perturb(
+    transcription: Transcription, core: Any, state: FloatArray, noise: FloatArray
+) -> FloatArray:
+    if transcription.problem.formulation == "frames":
+        return np.asarray(core.retract(state, noise.ravel()))
+    per = transcription.problem.frames_per_knot
+    knots = noise[per - 1 :: per]
+    step = np.concatenate([knots, np.zeros_like(knots)], axis=1)
+    return np.asarray(core.retract(state, step.ravel()))
+
+
+def _remaining(
+    passes: list[Stage], warm_start: Solution, given: bool
+) -> list[tuple[int, Stage]]:
+    """Stages still to do: all that were given, those from a checkpoint's on, or the last."""
+    numbered = list(enumerate(passes))
+    if given:
+        return numbered
+    stage = warm_start.settings.get("stage")
+    if warm_start.status is not Status.SOLVED and isinstance(stage, int):
+        return numbered[min(stage, len(passes) - 1) :]
+    return numbered[-1:]
+
+
+def _resample(problem: Problem, solution: Solution) -> FloatArray:
+    """Frames (N, D) of another solution's motion at the times of this problem."""
+    from trajopt.interpolation import Interpolant
+
+    if solution.model.ndof != problem.model.ndof:
+        raise ArgumentTypeError(
+            f"solve: warm_start moves {solution.model.ndof} degrees of freedom, "
+            f"the problem has {problem.model.ndof}"
+        )
+    if len(solution.times) == problem.frames and np.allclose(solution.times, problem.times):
+        return np.array(solution.x)
+    times = np.concatenate([[0.0], solution.times])
+    frames = np.concatenate([solution.initial[:1], solution.x])
+    curve = Interpolant(solution.model, times, frames)
+    return np.asarray(curve(np.minimum(problem.times, times[-1])))

@@ -1,0 +1,97 @@
+"""A user's residual, traced once by CasADi and evaluated for all frames in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trajopt import _core
+from trajopt.errors import ArgumentError, MissingDependencyError
+from trajopt.interpolation import ball_slices
+from trajopt.rotations import left_jacobian_inverse
+
+if TYPE_CHECKING:
+    from trajopt.model import Model
+    from trajopt.scaling import Scales
+
+__all__ = ["TracedResidual"]
+
+FloatArray = NDArray[np.float64]
+
+
+class TracedResidual:
+    """Values and derivatives of ``f(x2, x1, x)`` over N frames, in the core's tangent.
+
+    Parameters
+    ----------
+    name : str
+    function : callable
+        See `trajopt.objectives.Residual`.
+    model : Model
+    core : _core.Model
+    scales : Scales
+    frames : int
+        N.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        function: Callable[..., Any],
+        model: Model,
+        core: Any,
+        scales: Scales,
+        frames: int,
+    ) -> None:
+        try:
+            import casadi
+        except ImportError as error:
+            raise MissingDependencyError(
+                "Residual needs CasADi: pip install 'contact-trajopt[casadi]'"
+            ) from error
+        self._core, self._scales, self._frames = core, scales, frames
+        self._nq = core.nq
+        self._balls = ball_slices(model)
+        nodes = [casadi.SX.sym(label, model.ndof) for label in ("x2", "x1", "x")]
+        try:
+            result = function(*nodes)
+            rows = casadi.vertcat(*result) if isinstance(result, (list, tuple)) else result
+            rows = casadi.SX(rows)
+        except Exception as error:
+            raise ArgumentError(
+                f"Residual {name!r}: the function could not be traced ({error}); "
+                "use NumPy functions and arithmetic on x[i], no branches on values"
+            ) from error
+        if rows.shape[1] != 1:
+            raise ArgumentError(
+                f"Residual {name!r}: the function returned shape {rows.shape}, expected a column"
+            )
+        self.rows = int(rows.shape[0])
+        newest_first = casadi.vertcat(*nodes[::-1])
+        value = casadi.Function("value", nodes, [rows])
+        both = casadi.Function("both", nodes, [rows, casadi.densify(casadi.jacobian(rows, newest_first))])
+        self._value, self._both = value.map(frames), both.map(frames)
+
+    def evaluate(self, address: int, derivatives: bool) -> tuple[FloatArray, ...]:
+        """Return residuals (N, rows) and, if asked, their Jacobians (N, rows, 3 D)."""
+        n = self._frames
+        q = _core.frames_from_address(address, n + 2, self._nq)
+        x = _core.configuration_to_vector(self._core, q) * self._scales.coordinate
+        arguments = (x[:-2].T, x[1:-1].T, x[2:].T)
+        if not derivatives:
+            return (np.ascontiguousarray(np.asarray(self._value(*arguments)).T),)
+        value, jacobian = (np.asarray(part) for part in self._both(*arguments))
+        d = x.shape[1]
+        # CasADi puts the frames' Jacobians side by side: (rows, N * 3 D).
+        blocks = jacobian.reshape(self.rows, n, 3, d).transpose(1, 0, 2, 3).copy()
+        for node in range(3):
+            frames = x[2 - node : n + 2 - node]
+            for where in self._balls:
+                blocks[:, :, node, where] = blocks[:, :, node, where] @ left_jacobian_inverse(
+                    frames[:, where]
+                )
+            blocks[:, :, node] *= self._scales.coordinate
+        return np.ascontiguousarray(value.T), blocks.reshape(n, self.rows, 3 * d)

@@ -1,0 +1,237 @@
+"""From a `Problem` to the core's problem in scaled units, for one stage of a solve, and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from trajopt import _core
+from trajopt.errors import ArgumentError
+from trajopt.physics import make_physics
+from trajopt.scaling import Scales
+from trajopt.settle import ground_gap, settle, warn_of_gap
+from trajopt.terms import TermBuilder
+
+if TYPE_CHECKING:
+    from trajopt.problem import Problem
+    from trajopt.world import ResolvedContact
+
+__all__ = ["Stage", "Transcription"]
+
+FloatArray = NDArray[np.float64]
+
+UNREACHED = 1e-9  # a task that costs less on the guess is met already: nothing to normalize by
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One pass of a solve: how much of the contact law's stiffness is switched on.
+
+    Parameters
+    ----------
+    stiffness, friction : float
+        Fractions of the final normal stiffness, and of the final ratio of friction to stiffness.
+    iterations : int or None
+        Limit of this pass; None is the solver's.
+    """
+
+    stiffness: float = 1.0
+    friction: float = 1.0
+    iterations: int | None = None
+
+
+class Transcription:
+    """Scaled core problems of one `Problem`; D degrees of freedom, N frames.
+
+    Parameters
+    ----------
+    problem : Problem
+    threads : int
+    """
+
+    def __init__(self, problem: Problem, threads: int = 1) -> None:
+        self.problem = problem
+        self.threads = threads
+        self.scales = Scales.of(problem.model, problem.gravity)
+        self.core = _core.Model(
+            **problem.model.core_arguments(self.scales.mass, self.scales.length)
+        )
+        self.contact: ResolvedContact | None = (
+            None
+            if problem.contact is None
+            else problem.contact.resolved(problem.model, problem.gravity)
+        )
+        self.factors: dict[str, float] = {}
+        self._place: FloatArray | None = None
+        self.settle_residual = 0.0
+
+    # ---- contact and start -------------------------------------------------------------------------
+
+    def staged_contact(self, stage: Stage) -> ResolvedContact | None:
+        """Contact law of a stage, SI."""
+        if self.contact is None:
+            return None
+        normal = self.contact.normal * stage.stiffness
+        ratio = self.contact.friction / self.contact.normal if self.contact.normal > 0 else 0.0
+        return replace(
+            self.contact,
+            normal=normal,
+            friction=normal * ratio * stage.friction,
+            slip_velocity=self.contact.slip_velocity / stage.friction,
+        )
+
+    def physics(self, stage: Stage) -> Any:
+        """`_core.Physics` of a stage."""
+        return make_physics(
+            self.problem.world,
+            self.staged_contact(stage),
+            self.problem.integrator,
+            self.scales,
+            self.problem.internal,
+        )
+
+    def initial_frames(self, stage: Stage) -> FloatArray:
+        """Frames -1 and 0 of a stage in SI (2, D): settled, or placed in the air."""
+        problem, model = self.problem, self.problem.model
+        pose = np.array(problem.initial.pose)
+        free = np.flatnonzero(~model.actuated)
+        physics = self.physics(stage)
+        gap = ground_gap(model, problem.world, pose)
+        vertical = _vertical_slide(model)
+        grounded = problem.initial.height is None and self.contact is not None
+        if problem.initial.height is not None and gap is not None and vertical is not None:
+            pose[vertical] += problem.initial.height - gap
+        elif grounded and gap is not None and vertical is not None and len(free) >= 6:
+            if self._place is None:
+                warn_of_gap(model, gap)
+                weight = self.scales.force / max(len(model.support_points), 1)
+                contact = self.staged_contact(stage)
+                stiffness = contact.normal if contact is not None else 0.0
+                sink = np.sqrt(weight / stiffness) if stiffness > 0 else 0.0
+                pose[vertical] -= gap + min(sink, 0.2 * model.length)
+            else:
+                pose = self._place
+            scaled, self.settle_residual = settle(
+                self.core, physics, free, pose / self.scales.coordinate
+            )
+            pose = scaled * self.scales.coordinate
+            self._place = pose
+        before = pose
+        if np.any(problem.initial.velocity):
+            # x_{-1} = x_0 - h v + h^2/2 a would need the unknown start acceleration; first order.
+            before = model.integrate(pose, -problem.steps[0] * problem.initial.velocity)
+        return np.stack([before, pose])
+
+    # ---- objective ---------------------------------------------------------------------------------
+
+    def _builder(self, initial: FloatArray) -> TermBuilder:
+        problem = self.problem
+        builder = TermBuilder(
+            problem.model, self.core, self.scales, problem.times, problem.steps, initial
+        )
+        counts: dict[str, int] = {}
+        for term in problem.terms:
+            label = getattr(term, "name", _snake_case(type(term).__name__))
+            counts[label] = counts.get(label, 0) + 1
+            if counts[label] > 1:
+                label = f"{label} {counts[label]}"
+            builder.start(label, self.factors.get(label, 1.0))
+            term.emit(builder)
+        return builder
+
+    def normalize(self, initial: FloatArray) -> None:
+        """Scale every task so that it costs its weight on the initial guess (Pan section 8)."""
+        if self.factors:
+            return
+        if not any(getattr(t, "weight", 1.0) > 0 for t in self.problem.terms):
+            raise ArgumentError("Problem: no objective term with a weight > 0; add one with add()")
+        guess = np.tile(initial[1], (self.problem.frames, 1))
+        core = self._core_problem(Stage(), initial, self._builder(initial[1]).objective)
+        values = dict(zip(*self._term_values(core, guess), strict=True))
+        tasks = {
+            label: term
+            for label, term in zip(self._labels(), self.problem.terms, strict=True)
+            if term.task
+        }
+        for label, term in tasks.items():
+            cost = values.get(label, 0.0)
+            self.factors[label] = term.weight / cost if cost > UNREACHED else 1.0  # type: ignore[attr-defined]
+        self.factors.setdefault("", 1.0)
+
+    def _labels(self) -> list[str]:
+        counts: dict[str, int] = {}
+        labels = []
+        for term in self.problem.terms:
+            label = getattr(term, "name", _snake_case(type(term).__name__))
+            counts[label] = counts.get(label, 0) + 1
+            labels.append(f"{label} {counts[label]}" if counts[label] > 1 else label)
+        return labels
+
+    def _term_values(self, core: Any, guess: FloatArray) -> tuple[list[str], list[float]]:
+        state = core.state_from_frames(self.to_core(guess))
+        return self.term_names, list(core.evaluate(state)["terms"])
+
+    # ---- core problem ------------------------------------------------------------------------------
+
+    def core_problem(self, stage: Stage, initial: FloatArray) -> Any:
+        """`_core.TrajectoryProblem` of a stage; `initial` holds frames -1 and 0 in SI."""
+        self.normalize(initial)
+        return self._core_problem(stage, initial, self._builder(initial[1]).objective)
+
+    def _core_problem(self, stage: Stage, initial: FloatArray, objective: Any) -> Any:
+        problem = self.problem
+        self.term_names: list[str] = objective.names()
+        steps = np.concatenate([[problem.steps[0]], problem.steps]) / self.scales.time
+        segment = problem.frames_per_knot * steps[1]
+        velocity = problem.initial.velocity * self.scales.time / self.scales.coordinate
+        return _core.TrajectoryProblem(
+            model=self.core,
+            physics=self.physics(stage),
+            dt=steps,
+            objective=objective,
+            initial=self.to_core(initial),
+            velocity=velocity * segment,
+            formulation=problem.formulation,
+            frames_per_knot=problem.frames_per_knot,
+            periodic=problem.periodic,
+            stride=tuple(problem.stride / self.scales.length),
+            threads=self.threads,
+        )
+
+    def noise(self, rng: np.random.Generator, amplitude: float) -> FloatArray:
+        """Smooth random motion (N, D), scaled: leaves the symmetric saddle a settled start is."""
+        problem = self.problem
+        knots = max(problem.frames // 10, 4)
+        values = rng.normal(scale=amplitude, size=(knots + 1, problem.model.ndof))
+        curve = CubicSpline(np.linspace(0, problem.duration, knots + 1), values)
+        return np.asarray(curve(problem.times))
+
+    def to_core(self, x: FloatArray) -> FloatArray:
+        """SI coordinates (n, D) to the core's configurations (n, nq)."""
+        return np.asarray(_core.configuration_from_vector(self.core, x / self.scales.coordinate))
+
+    def to_si(self, q: FloatArray) -> FloatArray:
+        """The core's configurations (n, nq) to SI coordinates (n, D), continuous over frames."""
+        from trajopt.interpolation import ball_slices
+        from trajopt.rotations import nearest
+
+        x = np.asarray(_core.configuration_to_vector(self.core, q)) * self.scales.coordinate
+        for where in ball_slices(self.problem.model):
+            for i in range(1, len(x)):
+                x[i, where] = nearest(x[i, where], x[i - 1, where])
+        return x
+
+
+def _snake_case(name: str) -> str:
+    return "".join(("_" if c.isupper() and i else "") + c.lower() for i, c in enumerate(name))
+
+
+def _vertical_slide(model: Any) -> int | None:
+    """Index of the base's vertical slide, the third coordinate of a free base."""
+    if model.ndof >= 6 and list(model.joint_type[:4]) == [0, 0, 0, 2] and not model.actuated[2]:
+        return 2
+    return None
