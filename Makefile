@@ -18,7 +18,8 @@ PIP := $(BIN)/python -m pip install --quiet
 CPP_FILES = $(shell find cpp python/bindings tests/cpp bench cuda -name '*.h' -o -name '*.cpp' \
                     -o -name '*.cu' -o -name '*.cuh' 2>/dev/null)
 
-.PHONY: demo test test-cpp test-python lint format tidy bench clean distclean install
+.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp format tidy bench clean \
+        distclean install
 .DELETE_ON_ERROR:
 
 # --- environment ---------------------------------------------------------------------------------
@@ -49,7 +50,8 @@ install: $(VENV)/build-tools
 demo: $(VENV)/extra-plot install
 	@mkdir -p out
 	$(BIN)/trajopt solve hop --out out/hop.npz
-	$(BIN)/trajopt plot out/hop.npz -o out/hop.png
+	$(BIN)/trajopt plot out/hop.npz -o out/hop-motion.png --only motion --only forces
+	$(BIN)/trajopt plot out/hop.npz -o out/hop-convergence.png --only convergence
 
 test: test-cpp test-python
 
@@ -64,10 +66,16 @@ test-python: $(VENV)/extra-test install
 
 # --- quality -------------------------------------------------------------------------------------
 
-lint: $(VENV)/extra-dev install
+lint: lint-python lint-types lint-cpp
+
+lint-python: $(VENV)/extra-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+lint-types: $(VENV)/extra-dev install
 	$(BIN)/mypy
+
+lint-cpp: $(VENV)/extra-dev
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
 
 format: $(VENV)/extra-dev

@@ -34,7 +34,8 @@ STEPS = (0.05, 0.025, 0.0125, 0.00625, 0.003125)
 ROOT = Path(__file__).resolve().parent.parent
 
 CAPSULE = """<mujoco><worldbody><body name="capsule" pos="0 0 0.36"><freejoint/>
-<geom type="capsule" size="0.06" fromto="-0.15 0 0 0.15 0 0" mass="0.3"/></body></worldbody></mujoco>
+<geom type="capsule" size="0.06" fromto="-0.15 0 0 0.15 0 0" mass="0.3"/></body>
+</worldbody></mujoco>
 """
 
 
@@ -132,6 +133,9 @@ def draw(tumble: Any, land: Any, energy: Any, heights: Any, path: Path) -> None:
         title="Undamped bounce, 2 s", xlabel="dt [s]", ylabel="change of energy (clipped at ±1)"
     )
     height.set(title="The same at dt = 0.0125 s", xlabel="time [s]", ylabel="height [m]")
+    for axis in (order, sample, loss):
+        axis.minorticks_off()
+        axis.set_xticks(STEPS, [f"{dt:g}" for dt in STEPS])
     for axis in axes.ravel():
         axis.grid(alpha=0.3)
     order.legend(fontsize=8)

@@ -28,7 +28,8 @@ DenseKind parse_dense(const std::string& name) {
       {"effort", DenseKind::effort},
       {"physics", DenseKind::physics},
       {"point_position", DenseKind::point_position},
-      {"point_velocity", DenseKind::point_velocity}};
+      {"point_velocity", DenseKind::point_velocity},
+      {"contact_rate", DenseKind::contact_rate}};
   for (const auto& [text, kind] : kNames)
     if (name == text) return kind;
   throw ArgumentError("kind = '" + name + "': unknown objective term");

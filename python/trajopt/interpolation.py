@@ -69,12 +69,12 @@ class Interpolant:
     Examples
     --------
     >>> import numpy as np, trajopt
-    >>> ball = trajopt.load_model("ball")
-    >>> turn = np.zeros((5, ball.ndof))
-    >>> turn[:, 5] = np.linspace(0.0, 1.0, 5)
-    >>> motion = Interpolant(ball, np.arange(5.0), turn)
-    >>> motion(2.0)[5].round(6), motion.velocity(2.0)[5].round(3)
-    (np.float64(0.5), np.float64(0.25))
+    >>> chain = trajopt.load_model("chain")
+    >>> x = np.tile(chain.home, (5, 1))
+    >>> x[:, 0] = np.arange(5.0) ** 2
+    >>> motion = Interpolant(chain, np.arange(5.0), x)
+    >>> float(motion(1.5)[0].round(9)), float(motion.velocity(1.5)[0].round(9))
+    (2.25, 3.0)
     """
 
     def __init__(self, model: Model, times: ArrayLike, x: ArrayLike) -> None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CenterOfMassPosition",
     "CenterOfMassVelocity",
+    "ContactForceRate",
     "ControlEffort",
     "JointVelocity",
     "PhysicsPenalty",
@@ -60,6 +61,8 @@ class CenterOfMassVelocity(_Term):
         Cost of the initial guess.
     axes : (3,) sequence
         Factor of each component's error.
+    start : float
+        Seconds at the beginning that do not count: time to get going from rest.
 
     Examples
     --------
@@ -70,13 +73,14 @@ class CenterOfMassVelocity(_Term):
     velocity: Vector
     weight: float = 1.0
     axes: Vector = (1.0, 1.0, 1.0)
+    start: float = 0.0
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
         target = finite_array("CenterOfMassVelocity", "velocity", self.velocity, (3,))
         build.dense(
             "center_of_mass_velocity",
-            build.all_frames(self.weight),
+            build.after("CenterOfMassVelocity", self.start, self.weight),
             target=target / build.scales.velocity,
             axes=self.axes,
         )
@@ -278,6 +282,27 @@ class Smoothness(_Term):
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
         build.local("acceleration", build.all_frames(self.weight), np.ones(build.model.ndof))
+
+
+@dataclass(frozen=True)
+class ContactForceRate(_Term):
+    """Load and unload contacts gently: the mean square rate of every contact point's force.
+
+    In body weights per unit of time √(length / g). A force that rises within one frame is what a
+    time grid resolves worst; this term keeps footfalls soft.
+
+    Parameters
+    ----------
+    weight : float
+        Its factor.
+    """
+
+    task: ClassVar[bool] = False
+    weight: float = 1e-3
+
+    def emit(self, build: TermBuilder) -> None:
+        """Write the term into the core's objective."""
+        build.dense("contact_rate", build.all_frames(self.weight))
 
 
 @dataclass(frozen=True)

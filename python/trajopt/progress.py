@@ -24,7 +24,7 @@ COLUMNS: tuple[tuple[str, int, Callable[[IterationRecord], str]], ...] = (
     ("objective", 12, lambda r: _format(r.objective, ".6g")),
     ("frame/mg", 9, lambda r: _format(r.frame_violation, ".1e")),
     ("step", 9, lambda r: _format(r.step_norm, ".2e")),
-    ("radius", 9, lambda r: _format(r.radius, ".2e")),
+    ("radius", 9, lambda r: _format(r.radius or math.nan, ".2e")),
     ("λ", 8, lambda r: _format(r.damping, ".1e")),
     ("ok", 3, lambda r: "yes" if r.accepted else "no"),
     ("s", 8, lambda r: _format(r.elapsed, ".2f")),

@@ -106,10 +106,10 @@ def simulate(
     A metre of free fall takes sqrt(2 / 9.81) = 0.4515 s:
 
     >>> import numpy as np, trajopt
-    >>> ball = trajopt.load_model("ball")
-    >>> fall = simulate(ball, np.zeros(ball.ndof), np.zeros(ball.ndof), 0.4515, 0.02258)
-    >>> fall.x[-1, 2].round(3)
-    np.float64(-1.0)
+    >>> chain = trajopt.load_model("chain")
+    >>> fall = simulate(chain, chain.home, np.zeros(chain.ndof), 0.4515, 0.04515)
+    >>> float((fall.x[-1, 2] - chain.home[2]).round(2))
+    -1.0
     """
     if not (np.isfinite(dt) and dt > 0.0 and np.isfinite(duration) and duration > 0.0):
         raise ArgumentError(f"dt and duration must be positive, got {dt} and {duration}")
@@ -137,7 +137,7 @@ def simulate(
         if (k + 1) % substeps == 0:
             kept.append(newer)
     return Simulation(
-        times=dt * np.arange(frames + 1),
+        times=np.asarray(dt * np.arange(frames + 1), dtype=np.float64),
         x=np.stack(kept, axis=1).reshape(*shape[:-1], frames + 1, model.ndof),
         before=before.reshape(shape),
     )

@@ -20,8 +20,12 @@ __all__ = ["SimulationError", "Stepper"]
 
 FloatArray = NDArray[np.float64]
 
+# A step has to shrink the next one to this share, or the Jacobian is computed anew.
+_CONTRACTION = 0.25
 # Updates below this size [m, rad] that no longer shrink are rounding, not divergence.
 _ROUNDING = 1e-9
+# Steps cut to a smaller share than this lead nowhere.
+_SHORTEST = 1e-4
 
 
 class SimulationError(TrajoptError, RuntimeError):
@@ -58,8 +62,6 @@ class Stepper:
         Newton iterations before a step is given up.
     """
 
-    _CONTRACTION = 0.25
-
     def __init__(
         self,
         model: Model,
@@ -91,7 +93,7 @@ class Stepper:
             x, x1, x2, dt, world=s.world, contact=s.contact, integrator=s.integrator
         )[0]
         try:
-            return np.linalg.inv(jacobian[:, self.free[:, None], self.free])
+            return np.asarray(np.linalg.inv(jacobian[:, self.free[:, None], self.free]))
         except np.linalg.LinAlgError as error:
             raise SimulationError(f"the Jacobian of a step of {dt:g} s is singular") from error
 
@@ -122,55 +124,47 @@ class Stepper:
             If Newton's method does not converge for one of the B members.
         """
         x = self.wrapped(guess)
-        target = force[:, self.free]
-        gap = self.residual(x, x1, x2, dt)[:, self.free] - target
-        fresh = self._inverse is None or len(self._inverse) != len(x)
-        if fresh:
-            self._inverse = self._invert(x, x1, x2, dt)
-        step = -_apply(self._inverse, gap)
-        length = np.ones(len(x))
+
+        def gap(x: FloatArray) -> FloatArray:
+            return (self.residual(x, x1, x2, dt) - force)[:, self.free]
+
+        inverse, fresh = self._inverse, False
+        if inverse is None or len(inverse) != len(x):
+            inverse, fresh = self._invert(x, x1, x2, dt), True
+        step = -_apply(inverse, gap(x))
+        length = np.ones(len(x))  # share of the step that each member takes
         for _ in range(self.max_iterations):
             trial = x.copy()
             trial[:, self.free] += length[:, None] * step
-            gap = self.residual(trial, x1, x2, dt)[:, self.free] - target
-            follow = -_apply(self._inverse, gap)
-            size = np.max(np.abs(step), axis=1)
-            rest = np.max(np.abs(follow), axis=1)
+            missing = gap(trial)
+            follow = -_apply(inverse, missing)
+            size, rest = np.max(np.abs(step), axis=1), np.max(np.abs(follow), axis=1)
             scale = 1.0 + np.max(np.abs(x), axis=1)
-            floor = self.tolerance * scale
             # Light links on heavy chains: rounding ends the descent before the tolerance does.
             rounded = (rest > 0.5 * size) & (size <= _ROUNDING * scale)
-            done = (rest <= floor) | rounded
+            done = (rest <= self.tolerance * scale) | rounded
             if np.all(done & (length == 1.0)):
-                self._check(trial, dt)
+                self._inverse = inverse
                 return self.wrapped(trial)
-            good = (rest < self._CONTRACTION * size) | done
-            worse = ~(rest < size) & ~done
-            if np.all(good):
-                x, step = trial, follow
-                fresh = False
+            if np.all(done | (rest < _CONTRACTION * size)):
+                x, step, fresh = trial, follow, False
                 length[:] = 1.0
             elif not fresh:
-                self._inverse, fresh = self._invert(x, x1, x2, dt), True
-                step = -_apply(self._inverse, self.residual(x, x1, x2, dt)[:, self.free] - target)
-            elif np.any(worse):
-                length = np.where(worse, 0.5 * length, length)
-                if np.min(length) < 1e-4:
-                    break
-            else:
-                x = trial
-                self._inverse = self._invert(x, x1, x2, dt)
-                step = -_apply(self._inverse, gap)
+                inverse, fresh = self._invert(x, x1, x2, dt), True
+                step = -_apply(inverse, gap(x))
+            elif np.all(done | (rest < size)):
+                x, inverse = trial, self._invert(trial, x1, x2, dt)
+                step = -_apply(inverse, missing)
                 length[:] = 1.0
+            else:
+                length = np.where(done | (rest < size), length, 0.5 * length)
+                if np.min(length) < _SHORTEST:
+                    break
         self._inverse = None
         raise SimulationError(
-            f"Newton's method left an error of {np.max(rest):.1e} m or rad in a step of {dt:g} s "
-            f"({self.setting.integrator}): take a smaller step, softer contact or more damping"
+            f"Newton's method found no solution of a step of {dt:g} s ({self.setting.integrator}): "
+            "take a smaller step, softer contact or more damping"
         )
-
-    def _check(self, x: FloatArray, dt: float) -> None:
-        if not np.all(np.isfinite(x)):
-            raise SimulationError(f"a step of {dt:g} s gave coordinates that are not finite")
 
     def wrapped(self, x: FloatArray) -> FloatArray:
         """Return `x` with rotation vectors at most π long: the same pose, a regular chart."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
-from trajopt.checks import finite_array, number
+from trajopt.checks import finite_array, non_negative, number
 from trajopt.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -77,6 +77,16 @@ class TermBuilder:
         indices = self._indices(owner, time)
         np.add.at(out, indices, weight / len(indices))
         return out
+
+    def after(self, owner: str, start: float, weight: float) -> FloatArray:
+        """Weights on the frames from `start` [s] on; they add up to `weight`."""
+        counts = self.times >= non_negative(owner, "start", start)
+        if not counts.any():
+            raise ArgumentError(
+                f"{owner}: start = {start:g} s lies behind the end at {self.times[-1]:g} s"
+            )
+        share = self._share * counts
+        return weight * share / share.sum()
 
     def last_frames(self, count: int, weight: float) -> FloatArray:
         """`weight` on each of the last `count` frames."""

@@ -100,7 +100,8 @@ def test_free_fall_is_clean():
     assert np.max(fine_violation(motion)) < 1e-6 * 9.81 * model.mass
     assert replay_drift(motion).max < 1e-8
     gained, lost = residual_work(motion)
-    assert gained < 1e-6 and lost > -1e-6
+    assert gained < 1e-6
+    assert lost > -1e-6
     state = contact_state(motion)
     assert flights(state) == [(0.0, pytest.approx(0.6))]
     assert not np.any(state.loaded)
@@ -140,8 +141,10 @@ def test_torque_is_chart_free():
 
 def test_error_of_a_true_landing_falls_with_dt():
     """Sampled finely, a simulated landing passes; the floor of the measure is second order."""
-    rms = [np.sqrt(np.mean(fine_violation(landing(dt, substeps=round(dt / 5e-4))) ** 2))
-           for dt in (0.016, 0.008, 0.004)]
+    rms = [
+        np.sqrt(np.mean(fine_violation(landing(dt, substeps=round(dt / 5e-4))) ** 2))
+        for dt in (0.016, 0.008, 0.004)
+    ]
     assert rms[0] > 2.5 * rms[1] > 6.0 * rms[2]
     motion = landing(0.004, substeps=8)
     assert replay_drift(motion).max < 1e-3
@@ -164,7 +167,8 @@ def test_audit_is_a_table():
     assert result.limit_excess < 0.5
     assert result.to_dict()["replay_max"] == result.replay_max
     text = str(result)
-    assert "between frames, rms" in text and "contact of" in text and "N·m" in text
+    for part in ("between frames, rms", "contact of", "N·m"):
+        assert part in text
     assert max(len(line) for line in text.splitlines()) <= 100
 
 
@@ -198,3 +202,11 @@ def test_bad_replay(change):
     motion = sampled(model, parabola(model), 0.025, 12)
     with pytest.raises(trajopt.ArgumentError):
         replay_drift(motion, **change)
+
+
+def test_initial_frames_are_needed():
+    model = character("mammal")
+    motion = sampled(model, parabola(model), 0.025, 12)
+    motion.initial = np.zeros((2, 0))
+    with pytest.raises(trajopt.ArgumentError, match="initial"):
+        fine_violation(motion)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import trajopt
 from synthetic import motion
 from trajopt.cli import main
@@ -62,8 +63,8 @@ def test_check_prints_the_model_and_finds_it_good(capsys: pytest.CaptureFixture[
 def test_solve_writes_a_file_and_one_json_object(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    target = tmp_path / "hop.npz"
-    code, out, err = run(capsys, "solve", "hop", "--out", target, "--json", *QUICK)
+    target = tmp_path / "walk.npz"
+    code, out, err = run(capsys, "solve", "mammal-walk", "--out", target, "--json", *QUICK)
     figures = json.loads(out)
     assert set(figures) == JSON_KEYS
     assert err == ""
@@ -72,15 +73,15 @@ def test_solve_writes_a_file_and_one_json_object(
     assert code == (0 if figures["status"] == "solved" else 1)
     solution = trajopt.Solution.load(target)
     assert str(solution.status) == figures["status"]
-    assert solution.settings["scenario"]["name"] == "hop"
-    assert [path.name for path in tmp_path.iterdir()] == ["hop.npz"]
+    assert solution.settings["scenario"]["name"] == "mammal-walk"
+    assert [path.name for path in tmp_path.iterdir()] == ["walk.npz"]
 
 
 def test_resume_needs_no_scenario_and_continues_the_history(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
-    run(capsys, "solve", "hop", "--out", first, "--quiet", *QUICK)
+    run(capsys, "solve", "mammal-walk", "--out", first, "--quiet", *QUICK)
     code, out, _ = run(capsys, "solve", "--resume", first, "--out", second, "--quiet", *QUICK[:2])
     assert code in (0, 1)
     assert f"written: {second}" in out
@@ -90,10 +91,8 @@ def test_resume_needs_no_scenario_and_continues_the_history(
     assert all(np.diff([r.iteration for r in after.history]) >= 0)
 
 
-def test_table_goes_to_the_error_stream(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    _, out, err = run(capsys, "solve", "hop", "--out", tmp_path / "a.npz", *QUICK)
+def test_table_goes_to_the_error_stream(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    _, out, err = run(capsys, "solve", "mammal-walk", "--out", tmp_path / "a.npz", *QUICK)
     assert "objective" in err.splitlines()[0]
     assert out.splitlines()[-1] == f"  written: {tmp_path / 'a.npz'}"
 
@@ -113,7 +112,7 @@ def test_plot(capsys: pytest.CaptureFixture[str], saved: Path) -> None:
         (["solve"], "name a scenario"),
         (["solve", "hopp"], "did you mean 'hop'"),
         (["solve", "none.toml"], "no such scenario file"),
-        (["solve", "hop", "--set", "grid.td=1"], "did you mean 'dt'"),
+        (["solve", "hop", "--set", "grid.duratoin=1"], "did you mean 'duration'"),
         (["solve", "hop", "--set", "grid.dt=-1"], "dt must be a number > 0"),
         (["solve", "hop", "--method", "magic"], "magic"),
         (["solve", "hop", "--device", "abacus"], "abacus"),

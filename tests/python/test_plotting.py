@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import trajopt
 from synthetic import motion
 from trajopt.plotting import PARTS, plot_solution
@@ -81,9 +82,7 @@ def test_motion_in_place_is_pulled_apart_and_travel_is_not() -> None:
         assert strip.pulled_apart == pulled
         view = look_across(solution.center_of_mass)
         frames = np.arange(solution.frames)
-        same = plan_strip(
-            Puppet(solution.model), view, solution.x, solution.center_of_mass, frames
-        )
+        same = plan_strip(Puppet(solution.model), view, solution.x, solution.center_of_mass, frames)
         path = view.project(solution.center_of_mass)[:, 0] + same.offset
         assert np.all(np.diff(path[same.chosen]) > 0)
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
 import trajopt
 from synthetic import history, motion
 from trajopt.progress import CheckpointWriter, LinePrinter, LivePrinter, chain, printer
@@ -33,7 +34,17 @@ def test_lines_show_every_kth_iteration_new_stages_and_the_last() -> None:
         for record in records:
             show(record)
     header, *lines = stream.getvalue().splitlines()
-    assert header.split() == "it stage objective frame/mg step radius λ ok s".split()
+    assert header.split() == [
+        "it",
+        "stage",
+        "objective",
+        "frame/mg",
+        "step",
+        "radius",
+        "λ",
+        "ok",
+        "s",
+    ]
     assert [int(line.split()[0]) for line in lines] == [0, 10, 20, 25, 30, 37]
 
 
@@ -72,7 +83,9 @@ def test_checkpoints_keep_their_distance(tmp_path: Path) -> None:
     def forbidden() -> trajopt.Solution:
         raise AssertionError("too early")
 
-    CheckpointWriter(tmp_path / "a.npz", every=60.0)(replace(IterationRecord(1), snapshot=forbidden))
+    CheckpointWriter(tmp_path / "a.npz", every=60.0)(
+        replace(IterationRecord(1), snapshot=forbidden)
+    )
 
 
 def test_chain_calls_everyone_and_stops_if_one_asks() -> None:

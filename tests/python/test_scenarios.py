@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+
 import trajopt
 from trajopt.scenarios import ScenarioError, list_scenarios, load_scenario
 from trajopt.scenarios.overrides import apply_overrides, parse_value
@@ -101,7 +102,10 @@ def test_mistakes_are_named(change: tuple[str, str], message: str, tmp_path: Pat
         (('name = "chain"', 'file = "none.xml"'), r"\[model\].*none\.xml"),
         (("[model]", "[contact]\nnormal = -1.0\n[model]"), r"\[contact\].*normal"),
         (("[model]", "[contact]\nmodel = 'sticky'\n[model]"), r"\[contact\].*sticky"),
-        (("[model]", "world.obstacles = [{type='plane', normal=[0,0,0]}]\n[model]"), "plane.*normal"),
+        (
+            ("[model]", "world.obstacles = [{type='plane', normal=[0,0,0]}]\n[model]"),
+            "plane.*normal",
+        ),
     ],
 )
 def test_values_that_cannot_be_used_name_their_section(
@@ -145,7 +149,7 @@ def test_overrides_reach_every_kind_of_entry() -> None:
         ("grid.dt", "needs KEY=VALUE"),
         ("=3", "needs KEY=VALUE"),
         ("grid..dt=3", "needs KEY=VALUE"),
-        ("grid.td=3", r"unknown key in \[grid\] 'td': did you mean 'dt'"),
+        ("grid.duratoin=3", r"unknown key in \[grid\] 'duratoin': did you mean 'duration'"),
         ("grid.dt.x=3", "'dt' holds a value"),
         ("grid.dt=[1,", "not a TOML value"),
         ("grid.dt=1\nx=2", "not a single TOML value"),

@@ -11,7 +11,8 @@ from trajopt.simulate import SimulationError, simulate
 from trajopt.world import Contact, World
 
 CAPSULE = """<mujoco><worldbody><body name="capsule" pos="0 0 0.36"><freejoint/>
-<geom type="capsule" size="0.06" fromto="-0.15 0 0 0.15 0 0" mass="0.3"/></body></worldbody></mujoco>
+<geom type="capsule" size="0.06" fromto="-0.15 0 0 0.15 0 0" mass="0.3"/></body>
+</worldbody></mujoco>
 """
 
 
@@ -59,9 +60,7 @@ def test_order_of_tumbling(tumbling, integrator):
 @pytest.mark.parametrize("integrator", ["verlet", "linear_acceleration", "trapezoidal"])
 def test_bounce_keeps_energy(capsule, integrator):
     law, dt = Contact(normal=3e3, friction=0.0, damping=0.0), 0.0125
-    x = simulate(
-        capsule, capsule.home, np.zeros(6), 2.0, dt, contact=law, integrator=integrator
-    ).x
+    x = simulate(capsule, capsule.home, np.zeros(6), 2.0, dt, contact=law, integrator=integrator).x
     z = x[:, 2]
     energy = 9.81 * (z[1:-1] - 0.06) + 0.5 * ((z[2:] - z[:-2]) / (2 * dt)) ** 2
     free = np.minimum(np.minimum(z[2:], z[1:-1]), z[:-2]) > 0.06
@@ -77,9 +76,7 @@ def test_exact_samples_of_a_landing(integrator):
     start[2] += 0.5
     stiffness = 9.81 * model.mass / (6 * 0.028**2)
     law = Contact(normal=stiffness, friction=stiffness, damping=0.0)
-    exact = simulate(
-        model, start, np.zeros(model.ndof), 0.6, 0.00625, contact=law, substeps=32
-    ).x
+    exact = simulate(model, start, np.zeros(model.ndof), 0.6, 0.00625, contact=law, substeps=32).x
     rms = []
     for stride in (2, 1):
         x = exact[::stride]

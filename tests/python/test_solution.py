@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 import trajopt
 from synthetic import motion
 from trajopt.storage import ARRAYS, SCALARS, write_atomically

@@ -31,13 +31,6 @@ struct Elimination {
   double* u = nullptr;        // scratch: D W
   double* inverse = nullptr;  // out: the diagonal of D^-1
   Coupling left, right;
-  // Memory the next step will read or write, size x size or size x ld each: fetched on the way,
-  // because blocks are visited from the last to the first, which no hardware foresees.
-  struct Ahead {
-    const double* data = nullptr;
-    long count = 0;
-  };
-  Ahead ahead[4];
 };
 
 struct Pivot {

@@ -71,7 +71,7 @@ double* Factorization::scratch(int worker, int run_slot, int which) const {
 
 Pivot Factorization::eliminate(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                                const signed char* signs, double regularization, int run_slot,
-                               int worker, const Step* next) {
+                               int worker) {
   const int i = step.block;
   Elimination e;
   e.size = size_;
@@ -94,18 +94,6 @@ Pivot Factorization::eliminate(const SymmetricBlockTridiagonal& a, int item, con
     // The matrix stores this coupling by the neighbour's rows.
     if (step.right_original) kernels_->transpose(size_, a.lower(i, item), size_, v, ld_);
     e.right = {v, ld_, v, scratch(worker, run_slot, 2)};
-  }
-  if (next) {
-    const long entries = static_cast<long>(size_) * size_;
-    Elimination::Ahead* ahead = e.ahead;
-    const int neighbour = next->left_original ? next->block - 1 : next->block;
-    if (next->left_original || next->right_original) {
-      *ahead++ = {a.lower(neighbour, item), entries};
-      const int slot = next->left_original ? left_slot_[next->block] : right_slot_[next->block];
-      *ahead++ = {coupling(item, slot), block_};
-    }
-    *ahead++ = {w(item, next->block), block_};
-    *ahead++ = {a.diagonal(next->block, item), entries};
   }
   const Pivot pivot = kernels_->eliminate(e);
   if (pivot.row < 0 && step.left >= 0 && step.right >= 0) {
@@ -145,7 +133,7 @@ Factorization::Failure Factorization::factor_item(const SymmetricBlockTridiagona
       Failure found;
       for (int s = run.begin; s < run.end && found.block < 0; ++s) {
         const Step& step = schedule_.steps[s];
-        const Pivot pivot = eliminate(a, item, step, signs, regularization, run_slot, worker, s + 1 < run.end ? &step + 1 : nullptr);
+        const Pivot pivot = eliminate(a, item, step, signs, regularization, run_slot, worker);
         if (pivot.row >= 0) {
           found = {step.block, pivot};
         } else {

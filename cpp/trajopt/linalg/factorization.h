@@ -57,8 +57,7 @@ class Factorization {
   Failure factor_item(const SymmetricBlockTridiagonal& a, int item, const signed char* signs,
                       double regularization, int threads, int worker);
   Pivot eliminate(const SymmetricBlockTridiagonal& a, int item, const Step& step,
-                  const signed char* signs, double regularization, int run_slot, int worker,
-                  const Step* next);
+                  const signed char* signs, double regularization, int run_slot, int worker);
   void update_neighbour(const SymmetricBlockTridiagonal& a, int item, const Step& step, bool left,
                         int run_slot, int worker);
   void forward(int item, const Step& step, double* x, int m) const;

@@ -1,3 +1,4 @@
+#include "trajopt/problem/contact_rate.h"
 #include "trajopt/problem/dense_rows.h"
 #include "trajopt/problem/frame_kernels.h"
 #include "trajopt/problem/gram.h"
@@ -55,7 +56,7 @@ void run(const FrameInput& in, long begin, int count, void* memory, const FrameO
   // Lanes beyond count repeat the last frame; their results are dropped.
   const auto frame_of = [&](int lane) { return begin + (lane < count ? lane : count - 1); };
   StencilPack<Lane> stencil;
-  Lane inverse_dt;
+  Lane inverse_dt, inverse_dt_before;
   for (int w = 0; w < lanes<Lane>; ++w) {
     const long f = frame_of(w);
     const Stencil& st = in.stencils[f];
@@ -66,7 +67,8 @@ void run(const FrameInput& in, long begin, int count, void* memory, const FrameO
       const double* x = in.frames + (f + 2 - q) * model.nq;
       for (int k = 0; k < model.nq; ++k) s.nodes[q * model.nq + k].set(w, x[k]);
     }
-    inverse_dt.set(w, 1.0 / in.dt[f]);
+    inverse_dt.set(w, 1.0 / in.dt[f + 1]);
+    inverse_dt_before.set(w, 1.0 / in.dt[f]);
   }
   const Lane* nodes[3] = {s.nodes, s.nodes + model.nq, s.nodes + 2 * model.nq};
   Lane* jacobians[3] = {s.jacobians, s.jacobians + d * d, s.jacobians + 2 * d * d};
@@ -92,9 +94,14 @@ void run(const FrameInput& in, long begin, int count, void* memory, const FrameO
     }
     const Lane* const js[3] = {jacobians[0], jacobians[1], jacobians[2]};
     const int first = rows;
-    rows += rows_of(term.kind, model);
-    dense_rows<Lane, Derivatives>(model, term, ws, s.fd, js, scale, target, inverse_dt,
-                                  {s.residual + first, s.rows + first * 3 * d});
+    const RowBlock<Lane> block{s.residual + first, s.rows + first * 3 * d};
+    if (term.kind == DenseKind::contact_rate) {
+      rows += contact_rate_rows<Lane, Derivatives>(model, *in.physics, ws, scale, inverse_dt,
+                                                   inverse_dt_before, block);
+    } else {
+      rows += rows_of(term.kind, model);
+      dense_rows<Lane, Derivatives>(model, term, ws, s.fd, js, scale, target, inverse_dt, block);
+    }
     Lane cost(0.0);
     for (int r = first; r < rows; ++r) cost = fma(s.residual[r], s.residual[r], cost);
     for (int w = 0; w < count; ++w) out.cost[(begin + w) * in.nterm + k] = 0.5 * cost[w];

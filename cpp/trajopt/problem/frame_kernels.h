@@ -18,7 +18,8 @@ enum class DenseKind : int {
   effort,                   // u = actuated rows of FD
   physics,                  // unactuated rows of FD, as a penalty beside the constraint
   point_position,           // P(x_i) - target
-  point_velocity            // (P(x_i) - P(x_{i-1}))/dt - target
+  point_velocity,           // (P(x_i) - P(x_{i-1}))/dt - target
+  contact_rate              // (F_i - F_{i-1})/dt of every contact point
 };
 
 struct DenseTerm {
@@ -30,7 +31,9 @@ struct DenseTerm {
   const double* target = nullptr;   // N x 3
 };
 
+// Rows a term has at most; contact_rate leaves out points that touch nothing.
 inline int rows_of(DenseKind kind, const ModelView& model) {
+  if (kind == DenseKind::contact_rate) return 3 * model.npoint;
   if (kind == DenseKind::effort) return model.nactuated;
   return kind == DenseKind::physics ? model.nunactuated : 3;
 }
@@ -39,7 +42,7 @@ struct FrameInput {
   ModelView model;
   const Physics* physics;
   const Stencil* stencils;   // N
-  const double* dt;          // N: t_i - t_{i-1}
+  const double* dt;          // N + 1: t_i - t_{i-1} for i = 0..N
   const double* frames;      // (N + 2) x nq: x_{-1}, x_0, ..., x_N
   const DenseTerm* terms;
   int nterm;

@@ -141,7 +141,7 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
     lin->jacobian.resize(n * 3 * m * d);
   }
   const FrameInput in{view(model_),      &physics_,     stencils_.data(),
-                      dt_.data() + 1,    out.frames.data(), terms_.data(),
+                      dt_.data(),        out.frames.data(), terms_.data(),
                       static_cast<int>(terms_.size()), augmentation};
   const FrameOutput frame_out{out.frame_constraint.data(),
                               out.torque.data(),

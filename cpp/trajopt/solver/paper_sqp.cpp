@@ -23,6 +23,8 @@ std::string format(const char* text, Args... args) {
   return buffer;
 }
 
+constexpr double kLargestRadius = 1e100;  // Newton steps may be taken for ever
+
 double length(const Vector& x) { return std::sqrt(dot(x, x)); }
 
 void add(double scale, const Vector& x, Vector& y) {
@@ -102,7 +104,7 @@ class PaperSolver {
     if (record_.accepted) {
       ++accepted_;
       state_ = trial_state_;
-      radius_ *= options_.growth;
+      radius_ = std::min(options_.growth * radius_, kLargestRadius);
       linearize();
     } else {
       radius_ = options_.shrink * step_length;

@@ -24,6 +24,10 @@ Mat3<double> scaled(double c, const Mat3<double>& a) {
   return r;
 }
 
+Mat3<double> transpose(const Mat3<double>& a) {
+  return {{a.m[0], a.m[3], a.m[6], a.m[1], a.m[4], a.m[7], a.m[2], a.m[5], a.m[8]}};
+}
+
 Mat3<double> hat(const Vec3<double>& r) { return {{0, -r.z, r.y, r.z, 0, -r.x, -r.y, r.x, 0}}; }
 
 Vec3<double> vec(const double* p) { return {p[0], p[1], p[2]}; }
@@ -113,13 +117,16 @@ void HermiteSpline::linearize(const double* q, const double* v) {
       const Mat3<double> inverse = left_jacobian_inverse(phi);
       const Vec3<double> h = b.h10 * wa + b.h01 * phi + b.h11 * (inverse * wb);
       const Mat3<double> j = left_jacobian(h);
-      // Start: h0 = delta, h0' = J_l^-1(delta) omega = omega + [omega] delta / 2 to first order.
-      Mat3<double> start = scaled(b.h00, identity3<double>());
-      start += scaled(0.5 * b.h10, hat(wa));
-      // End: phi = log(R_b R_a^T), h1' = J_l^-1(phi) omega_b.
+      // End: phi = log(R_b R_a^T), h1' = J_l^-1(phi) omega_b; by phi:
       Mat3<double> end = scaled(b.h01, identity3<double>());
       end += scaled(b.h11, inverse_jacobian_derivative(phi, wb));
-      const Mat3<double> blocks[4] = {j * start, scaled(b.h10, j), j * (end * inverse),
+      const Mat3<double> by_phi = j * end;
+      // Start: the chart moves along, R = exp(h) exp(delta) R_a, and phi falls by J_l^-T(phi) delta.
+      double turn[4];
+      quaternion_exp(h, turn);
+      Mat3<double> start = quaternion_matrix(turn);
+      start += scaled(-1.0, by_phi * transpose(inverse));
+      const Mat3<double> blocks[4] = {start, scaled(b.h10, j), by_phi * inverse,
                                       scaled(b.h11, j * inverse)};
       for (int k = 0; k < 4; ++k)
         std::copy(blocks[k].m, blocks[k].m + 9, out + (k * balls_ + ball) * 9);

@@ -11,7 +11,14 @@ from trajopt.audit.motion import Motion, continuous
 from trajopt.models import dynamics
 from trajopt.world import World
 
-__all__ = ["BREAK_SHARE", "LOADED_SHARE", "ContactState", "contact_state", "count_changes", "flights"]
+__all__ = [
+    "BREAK_SHARE",
+    "LOADED_SHARE",
+    "ContactState",
+    "contact_state",
+    "count_changes",
+    "flights",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -108,7 +115,10 @@ def contact_state(motion: Motion) -> ContactState:
     times = curve.times[1:]
     h = _DIFFERENCE * float(np.min(np.diff(times)))
     x = curve(times)
-    ahead, behind = model.contact_positions(curve(times + h)), model.contact_positions(curve(times - h))
+    ahead, behind = (
+        model.contact_positions(curve(times + h)),
+        model.contact_positions(curve(times - h)),
+    )
     velocity = (ahead - behind) / (2.0 * h)
     law = dynamics.physics(model, motion.world, motion.contact, "verlet")
     force = np.asarray(dynamics.core_model(model).contact_forces(x, velocity, law))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from trajopt.errors import ArgumentError
 from trajopt.interpolation import Interpolant, ball_slices
 from trajopt.rotations import left_jacobian_inverse
 from trajopt.stepping import Setting
@@ -54,10 +55,22 @@ class Motion(Protocol):
 
 
 def continuous(motion: Motion) -> Interpolant:
-    """Return the C² interpolant of frames -1, 0, 1, ..., N."""
+    """Return the C² interpolant of frames -1, 0, 1, ..., N.
+
+    Raises
+    ------
+    ArgumentError
+        If the motion does not know its initial frames.
+    """
+    initial = np.asarray(motion.initial)
+    if initial.shape != (2, motion.model.ndof):
+        raise ArgumentError(
+            f"initial must hold frames 0 and -1 with shape {(2, motion.model.ndof)}, "
+            f"got {initial.shape}"
+        )
     first = float(np.ravel(motion.dt)[0])
     before = motion.times[0] - first * np.array([2.0, 1.0])
-    frames = np.concatenate([np.asarray(motion.initial)[::-1], motion.x])
+    frames = np.concatenate([initial[::-1], motion.x])
     return Interpolant(motion.model, np.concatenate([before, motion.times]), frames)
 
 

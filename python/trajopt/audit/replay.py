@@ -122,4 +122,4 @@ def _slides(motion: Motion, rows: NDArray[np.intp]) -> NDArray[np.intp]:
     """Unactuated degrees of freedom that are slides: the position of a free base."""
     kinds = np.asarray(motion.model.core_arguments()["joint_type"])
     kind_of_dof = np.repeat(kinds, np.where(kinds == 2, 3, 1))
-    return rows[kind_of_dof[rows] == _SLIDE]
+    return np.asarray(rows[kind_of_dof[rows] == _SLIDE])

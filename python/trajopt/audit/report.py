@@ -96,14 +96,20 @@ class Audit:
             ("slip, weighted rms", self.slip_rms, "m/s", None, ""),
             ("friction / normal force, max", self.cone_max, "", None, ""),
             ("joint limit excess", self.limit_excess, "m, rad", None, ""),
-            ("apex of the center of mass", self.apex_height, "m", None, f"at {self.apex_time:.2f} s"),
+            (
+                "apex of the center of mass",
+                self.apex_height,
+                "m",
+                None,
+                f"at {self.apex_time:.2f} s",
+            ),
         ]
         lines = []
         for name, value, unit, scale, note in rows:
             share = "" if scale is None else f"{100.0 * value / scale:10.3g} %"
             lines.append(f"{name:<30}{value:>11.3g} {unit:<7}{share:>12} {note}".rstrip())
         for body, (makes, breaks) in self.contact_changes.items():
-            lines.append(f"contact of {body + ',':<19}{makes:>11d} made, {breaks} broken")
+            lines.append(f"contact of {body:<19}{makes:>11d} made, {breaks} broken")
         spans = ", ".join(f"{a:.2f}-{b:.2f}" for a, b in self.flights) or "none"
         lines.append(f"{'flight [s]':<30}{spans:>11}")
         return "\n".join(lines)

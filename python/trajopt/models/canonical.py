@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trajopt import rotations
 from trajopt.models.geometry import hull_vertices
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 __all__ = ["canonical_xml"]
 
@@ -35,7 +38,7 @@ def canonical_xml(spec: Any, m: Any) -> str:
         body.fullinertia = [np.nan, 0, 0, 0, 0, 0]  # NaN: not given, the diagonal one counts
         # Massless links need a trace of mass again to compile.
         body.mass = max(float(m.body_mass[i]), spec.compiler.boundmass)
-        body.inertia = np.maximum(m.body_inertia[i], spec.compiler.boundinertia)
+        body.inertia = np.maximum(_roundable(m.body_inertia[i]), spec.compiler.boundinertia)
         body.ipos, body.iquat = m.body_ipos[i], m.body_iquat[i]
         body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
@@ -54,3 +57,10 @@ def canonical_xml(spec: Any, m: Any) -> str:
         spec.delete(mesh)
     spec.meshdir = spec.texturedir = ""
     return str(spec.to_xml())
+
+
+def _roundable(moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Principal moments that satisfy A + B >= C even after rounding to the text's six digits."""
+    total = float(moments.sum())
+    second = np.maximum(0.5 * total - moments, 2e-6 * total)
+    return np.asarray(second.sum() - second)

@@ -8,7 +8,7 @@ capsule    the two end spheres
 box        the 8 corners
 cylinder   8 points on each rim
 ellipsoid  the 6 ends of its axes
-mesh       vertices of its convex hull; of more than 64 those that are extreme along 64
+mesh       vertices of its convex hull; of more than 32 those that are extreme along 32
            directions spread evenly
 ========== ==========================================================================
 """
@@ -29,7 +29,7 @@ PLANE, _HFIELD, _SPHERE, _CAPSULE, _ELLIPSOID, _CYLINDER, _BOX, _MESH = range(8)
 _NAMES = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh")
 
 RIM_POINTS = 8
-MAX_HULL_POINTS = 64
+MAX_HULL_POINTS = 32
 MAX_SPHERES = 3
 
 _CORNERS = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)

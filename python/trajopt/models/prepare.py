@@ -125,7 +125,30 @@ def compile_spec(source: Source) -> Any:
     massless = m.body_mass <= 2 * _MASSLESS
     m.body_mass[massless] = 0.0
     m.body_inertia[massless] = 0.0
-    for body in np.flatnonzero(~np.isfinite(m.body_mass + m.body_inertia.sum(axis=1))):
-        name = m.body(int(body)).name
-        raise ModelError(f"{source.label}: mass or inertia of body '{name}' is not a finite number")
+    _check_numbers(m, source.label)
     return m
+
+
+# What is read of a compiled model, and the largest number that makes sense in it.
+_NUMBERS = {
+    "body": ("pos", "quat", "mass", "inertia", "ipos", "iquat"),
+    "joint": ("pos", "axis", "range"),
+    "geom": ("pos", "quat", "size"),
+    "key": ("qpos",),
+}
+_LARGEST = 1e9
+
+
+def _check_numbers(m: Any, label: str) -> None:
+    """Refuse NaN, infinity and absurd sizes, which the compiler lets pass."""
+    for kind, attributes in _NUMBERS.items():
+        for attribute in attributes:
+            array = getattr(m, f"{'jnt' if kind == 'joint' else kind}_{attribute}")
+            rows = array[:, None] if array.ndim == 1 else array
+            for i in np.flatnonzero(~(np.abs(rows) < _LARGEST).all(axis=1)):
+                name = getattr(m, kind)(int(i)).name or f"number {i}"
+                raise ModelError(
+                    f"{label}: {attribute} of {kind} {name} holds"
+                    f" {rows[i][~(np.abs(rows[i]) < _LARGEST)][0]:g}; expected a number below"
+                    f" {_LARGEST:g}"
+                )

@@ -137,6 +137,11 @@ def _root(path: Path) -> ET.Element:
         raise ModelError(
             f"{path.name}: root element is <{root.tag}>; expected <mujoco> (MJCF) or <robot> (URDF)"
         )
+    for element in root.iter():
+        for attribute, text in element.attrib.items():
+            # Before the compiler sees it: MuJoCo writes about NaN to a log file and goes on.
+            if {"nan", "+nan", "-nan"} & set(text.lower().split()):
+                raise ModelError(f"{path.name}: {attribute}='{text}' of <{element.tag}> holds NaN")
     return root
 
 

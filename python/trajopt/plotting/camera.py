@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 # Step from pose to pose as a share of the character's width: below the first number limbs of
 # neighbours cover each other; the second one is aimed at.
-MIN_GAP, GOOD_GAP, PULLED_GAP = 0.45, 0.75, 1.05
+MIN_GAP, GOOD_GAP, PULLED_GAP = 0.4, 0.6, 1.05
 MIN_POSES, MAX_POSES, PULLED_POSES = 5, 16, 9
 
 

@@ -63,9 +63,9 @@ def test_large_hulls_are_thinned_evenly(mjcf):
         f'<asset><mesh name="m" vertex="{text}"/></asset>',
     )
     kept = points(model)[0] - [0, 0, 5]
-    assert 40 < len(kept) <= 64
-    # Nowhere does the thinned hull lie more than 10 % of the radius inside the full one.
-    assert (directions @ kept.T).max(axis=1).min() > 0.9
+    assert 25 < len(kept) <= 32
+    # Nowhere does the thinned hull lie more than 20 % of the radius inside the full one.
+    assert (directions @ kept.T).max(axis=1).min() > 0.8
 
 
 def test_visual_geoms_touch_nothing(mjcf):

@@ -112,6 +112,12 @@ def test_a_ball_with_a_limit_says_so(mjcf):
         (wrap('<body><freejoint/><geom size="1" mass="0"/></body>'), "have no mass"),
         (wrap('<body><freejoint/><site name="s"/></body>'), "have no mass"),
         (wrap(f'<body><joint limited="true"/>{G}</body>'), "range"),
+        (wrap(f'<body pos="0 nan 0"><joint/>{G}</body>'), r"pos='0 nan 0' of <body> holds NaN"),
+        (wrap('<body><joint/><geom name="g" size="1e300"/></body>'), "model"),
+        (
+            wrap(f'<body name="a" pos="1e300 0 0"><joint/>{G}</body>'),
+            "pos of body a holds 1e\\+300",
+        ),
     ],
 )
 def test_bad_files_give_one_clear_line(load_text, text, message):

@@ -218,6 +218,18 @@ def test_impossible_inertia_is_repaired_with_a_warning(load_text, moments, expec
         np.testing.assert_allclose(np.diag(model.pseudo_inertia[0]), expected, atol=1e-6)
 
 
+def test_canonical_xml_of_a_thin_rod_compiles(load_text):
+    """A + B = C to the last digit must survive the six digits of the text."""
+    text = robot(
+        '<link name="base"><inertial><origin rpy=".3 .2 .1" xyz="0 0 0"/><mass value="1"/>'
+        '<inertia ixx="0.1234567" iyy="0.7654321" izz="0.8888888" ixy="0" ixz="0" iyz="0"/>'
+        '</inertial><collision><geometry><sphere radius="1"/></geometry></collision></link>'
+    )
+    model = load_text(text, ".urdf")
+    reference = mujoco.MjModel.from_xml_string(model.xml)
+    np.testing.assert_allclose(sorted(reference.body_inertia[1])[2], 0.8888888, rtol=1e-5)
+
+
 def test_ascii_stl_counts_as_missing(load_text, tmp_path):
     (tmp_path / "foot.stl").write_text("solid x\nfacet normal 0 0 1\n" + "x" * 100)
     text = robot(link("base", 3, '<mesh filename="foot.stl"/>'))

@@ -1,4 +1,4 @@
-"""The built-in characters, random states of them, and one law in the terms of every implementation."""
+"""The built-in characters, random states of them, and one law for core and oracle alike."""
 
 from __future__ import annotations
 

@@ -56,7 +56,10 @@ def pinocchio_force(arguments: dict[str, Any], curve: Curve) -> Any:
     def velocity(t: float) -> Any:
         ahead, behind = configuration(curve(t + _H)), configuration(curve(t - _H))
         middle = configuration(curve(t))
-        forward, backward = pin.difference(model, middle, ahead), pin.difference(model, middle, behind)
+        forward, backward = (
+            pin.difference(model, middle, ahead),
+            pin.difference(model, middle, behind),
+        )
         return (forward - backward) / (2 * _H)
 
     q = configuration(curve(0.0))
@@ -76,7 +79,12 @@ def mujoco_force(xml: str, curve: Curve) -> Any:
     flags = mujoco.mjtDisableBit
     model.opt.disableflags |= flags.mjDSBL_CONSTRAINT | flags.mjDSBL_CONTACT
     model.opt.gravity[:] = (0.0, 0.0, -9.81)
-    for field in (model.dof_armature, model.dof_damping, model.dof_frictionloss, model.jnt_stiffness):
+    for field in (
+        model.dof_armature,
+        model.dof_damping,
+        model.dof_frictionloss,
+        model.jnt_stiffness,
+    ):
         field[:] = 0.0
     data = mujoco.MjData(model)
 

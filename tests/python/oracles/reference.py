@@ -112,7 +112,9 @@ def exponential(r: Array) -> tuple[Array, Array]:
     for k in range(3):
         unit = cross_matrix(np.eye(3)[k])
         dt = 2.0 * r[..., k, None, None]
-        slopes.append(da * dt * skew + a * unit + db * dt * square + b * (unit @ skew + skew @ unit))
+        slopes.append(
+            da * dt * skew + a * unit + db * dt * square + b * (unit @ skew + skew @ unit)
+        )
     return rotation, np.stack(slopes, axis=-3)
 
 
@@ -236,7 +238,9 @@ class Reference:
             out = out + np.einsum("...dc,...c->...d", gradient, force * apart[..., k, :])
         return out
 
-    def inertia(self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law) -> Array:
+    def inertia(
+        self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law
+    ) -> Array:
         """Sum over mass points of m (dP/dx)^T (a + g e_z), tested at the scheme's frame."""
         plus, minus = steps
         acceleration = (f0.mass - f1.mass) / plus - (f1.mass - f2.mass) / minus
@@ -245,7 +249,9 @@ class Reference:
         test = f0 if law.integrator == "implicit" else f1
         return np.einsum("...qdc,...qc->...d", test.mass_slope, self.mass[:, None] * up)
 
-    def contact(self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law) -> Array:
+    def contact(
+        self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law
+    ) -> Array:
         """Generalized contact force (..., D), to be subtracted."""
         plus, minus = steps
         forward = (f0.contact - f1.contact) / plus
@@ -267,7 +273,9 @@ class Reference:
             total = total + share * minus * work(f2, late * forward + (1.0 - late) * backward)
         return total
 
-    def mechanics(self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law) -> Array:
+    def mechanics(
+        self, f0: Frame, f1: Frame, f2: Frame, steps: tuple[float, float], law: Law
+    ) -> Array:
         """Everything but contact."""
         test = f0 if law.integrator == "implicit" else f1
         return self.inertia(f0, f1, f2, steps, law) + self.internal(test, law)
