@@ -1,7 +1,7 @@
 # Everything runs inside .venv; cmake and ninja come with it, so only Python >= 3.10 with venv, a C++20
 # compiler and make must be there before.
 #
-#   make demo    solve the built-in hop, write out/hop.npz and its pictures
+#   make demo    solve the built-in hop; write the motion and its pictures under out/
 #   make test    C++ tests (ctest) and Python tests (pytest)
 #   make lint    ruff, mypy, clang-format
 #   make format  let ruff and clang-format rewrite the files

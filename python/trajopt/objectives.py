@@ -22,6 +22,7 @@ __all__ = [
     "CenterOfMassPosition",
     "CenterOfMassVelocity",
     "ContactForceRate",
+    "ContactSlip",
     "ControlEffort",
     "JointVelocity",
     "PhysicsPenalty",
@@ -31,6 +32,7 @@ __all__ = [
     "Residual",
     "Smoothness",
     "TerminalPose",
+    "regularizers",
 ]
 
 Vector = Sequence[float]
@@ -235,7 +237,7 @@ class TerminalPose(_Term):
     """
 
     task: ClassVar[bool] = False
-    weight: float = 1.0
+    weight: float = 0.01
     dofs: Sequence[str] | None = None
 
     def emit(self, build: TermBuilder) -> None:
@@ -257,7 +259,7 @@ class ControlEffort(_Term):
     """
 
     task: ClassVar[bool] = False
-    weight: float = 1e-2
+    weight: float = 0.1
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
@@ -277,7 +279,7 @@ class Smoothness(_Term):
     """
 
     task: ClassVar[bool] = False
-    weight: float = 1e-3
+    weight: float = 3e-3
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
@@ -298,11 +300,32 @@ class ContactForceRate(_Term):
     """
 
     task: ClassVar[bool] = False
-    weight: float = 1e-3
+    weight: float = 0.03
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
         build.dense("contact_rate", build.all_frames(self.weight))
+
+
+@dataclass(frozen=True)
+class ContactSlip(_Term):
+    """Let loaded points stand still: the mean of normal force times squared slip speed.
+
+    In body weights and units of √(g · length). In the smooth friction law the slip is what friction
+    costs, so this term also keeps tangential forces small where the load is small.
+
+    Parameters
+    ----------
+    weight : float
+        Its factor; 100 makes a slip of 1 % of the unit speed cost 0.01.
+    """
+
+    task: ClassVar[bool] = False
+    weight: float = 100.0
+
+    def emit(self, build: TermBuilder) -> None:
+        """Write the term into the core's objective."""
+        build.dense("contact_slip", build.all_frames(self.weight))
 
 
 @dataclass(frozen=True)
@@ -373,3 +396,26 @@ class Residual(_Term):
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
         build.traced(self.name, self.function, self.weight)
+
+
+def regularizers(effort: float = 1.0) -> list[_Term]:
+    """Return the terms that make a motion one a body would choose and a time grid can resolve.
+
+    Parameters
+    ----------
+    effort : float
+        Factor of all their weights.
+
+    Returns
+    -------
+    list of terms
+        `ControlEffort`, `Smoothness`, `ContactForceRate`, `ContactSlip` and `TerminalPose` with
+        their default weights times `effort`.
+
+    Examples
+    --------
+    >>> [type(term).__name__ for term in regularizers()][:2]
+    ['ControlEffort', 'Smoothness']
+    """
+    kinds = (ControlEffort, Smoothness, ContactForceRate, ContactSlip, TerminalPose)
+    return [kind(weight=kind.weight * effort) for kind in kinds]

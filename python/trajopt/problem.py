@@ -159,12 +159,12 @@ class Problem:
         """Magnitude of gravity [m/s²]."""
         return float(np.linalg.norm(self.world.gravity))
 
-    def add(self, term: _Term) -> Problem:
-        """Add a term to the objective.
+    def add(self, *terms: _Term) -> Problem:
+        """Add terms to the objective.
 
         Parameters
         ----------
-        term : a term of `trajopt.objectives`
+        *terms : terms of `trajopt.objectives`
 
         Returns
         -------
@@ -173,12 +173,13 @@ class Problem:
         """
         from trajopt.objectives import _Term
 
-        if not isinstance(term, _Term):
-            raise ArgumentTypeError(
-                "Problem.add: expected a term of trajopt.objectives, got "
-                f"{type(term).__name__}; terms are objects, such as ControlEffort(weight=0.01)"
-            )
-        self.terms.append(term)
+        for term in terms:
+            if not isinstance(term, _Term):
+                raise ArgumentTypeError(
+                    "Problem.add: expected a term of trajopt.objectives, got "
+                    f"{type(term).__name__}; terms are objects, such as ControlEffort(weight=0.1)"
+                )
+        self.terms.extend(terms)
         return self
 
     def with_steps(self, steps: FloatArray) -> Problem:

@@ -144,10 +144,10 @@ class Contact:
     ----------
     normal : float, optional
         Stiffness w_n [N/m²].  By default the model's weight, on the points on which it stands in
-        its home pose, presses it 1 % of ``model.length`` into the ground.
+        its home pose, presses it 0.8 % of ``model.length`` into the ground.
     friction : float, optional
         Viscosity w_t [N s/m³] of the smooth law.  By default a tangential force of half the normal
-        force slides at 1 % of the speed √(g · length).
+        force slides at 2.5 % of the speed √(g · length).
     damping : float, optional
         Hunt–Crossley coefficient k_d [s/m]; 0 is Pan's undamped law.  By default 2 / √(g · length),
         so that bounces die out within two or three.
@@ -210,15 +210,15 @@ class Contact:
         >>> law = Contact().resolved(model)
         >>> depth = (model.mass * 9.81 / (len(model.support_points) * law.normal)) ** 0.5
         >>> round(depth / model.length, 6)
-        0.01
+        0.008
         """
         speed = float(np.sqrt(max(gravity, 1e-9) * model.length))
         normal = self.normal
         if normal is None:
             count = max(1, len(model.support_points))
-            normal = model.mass * gravity / (count * (0.01 * model.length) ** 2)
+            normal = model.mass * gravity / (count * (0.008 * model.length) ** 2)
         friction = self.friction
         if friction is None:
-            friction = normal * 0.5 / (0.01 * speed)
+            friction = normal * 0.5 / (0.025 * speed)
         damping = 2.0 / speed if self.damping is None else self.damping
         return ResolvedContact(normal, friction, damping, self.model, self.mu, self.slip_velocity)

@@ -1,4 +1,4 @@
-#include "trajopt/problem/contact_rate.h"
+#include "trajopt/problem/contact_rows.h"
 #include "trajopt/problem/dense_rows.h"
 #include "trajopt/problem/frame_kernels.h"
 #include "trajopt/problem/gram.h"
@@ -98,6 +98,9 @@ void run(const FrameInput& in, long begin, int count, void* memory, const FrameO
     if (term.kind == DenseKind::contact_rate) {
       rows += contact_rate_rows<Lane, Derivatives>(model, *in.physics, ws, scale, inverse_dt,
                                                    inverse_dt_before, block);
+    } else if (term.kind == DenseKind::contact_slip) {
+      rows += contact_slip_rows<Lane, Derivatives>(model, *in.physics, ws, scale, inverse_dt,
+                                                   block);
     } else {
       rows += rows_of(term.kind, model);
       dense_rows<Lane, Derivatives>(model, term, ws, s.fd, js, scale, target, inverse_dt, block);

@@ -19,7 +19,8 @@ enum class DenseKind : int {
   physics,                  // unactuated rows of FD, as a penalty beside the constraint
   point_position,           // P(x_i) - target
   point_velocity,           // (P(x_i) - P(x_{i-1}))/dt - target
-  contact_rate              // (F_i - F_{i-1})/dt of every contact point
+  contact_rate,             // (F_i - F_{i-1})/dt of every contact point
+  contact_slip              // sqrt(w_n) d v_t of every contact point
 };
 
 struct DenseTerm {
@@ -31,9 +32,9 @@ struct DenseTerm {
   const double* target = nullptr;   // N x 3
 };
 
-// Rows a term has at most; contact_rate leaves out points that touch nothing.
+// Rows a term has at most; the contact terms leave out points that touch nothing.
 inline int rows_of(DenseKind kind, const ModelView& model) {
-  if (kind == DenseKind::contact_rate) return 3 * model.npoint;
+  if (kind == DenseKind::contact_rate || kind == DenseKind::contact_slip) return 3 * model.npoint;
   if (kind == DenseKind::effort) return model.nactuated;
   return kind == DenseKind::physics ? model.nunactuated : 3;
 }

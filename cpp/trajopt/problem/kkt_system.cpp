@@ -149,12 +149,38 @@ void KktSystem::factor(double epsilon) {
 
 void KktSystem::solve(std::vector<double>& rhs, int m) {
   if (ring_) {
-    bordered_->solve(rhs.data(), rhs.data() + matrix_.rows() * m, m, threads_);
+    solve_ring(rhs, m);
     return;
   }
   rhs_copy_ = rhs;
   factorization_->solve(rhs.data(), m, threads_);
   factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, 2, 1e-13, threads_);
+}
+
+void KktSystem::solve_ring(std::vector<double>& rhs, int m) {
+  // BorderedFactorization::refine would keep the epsilon of the border's own multipliers.
+  const long n = rows(), chain = matrix_.rows();
+  std::vector<double> b(n), x, r, before;
+  for (int column = 0; column < m; ++column) {
+    for (long i = 0; i < n; ++i) b[i] = rhs[i * m + column];
+    x = b;
+    bordered_->solve(x.data(), x.data() + chain, 1, threads_);
+    const double size = linalg::largest_magnitude(b.data(), n, 1, 1);
+    linalg::refine_loop(
+        2, 1e-13,
+        [&] {
+          multiply(x, r);
+          for (long i = 0; i < n; ++i) r[i] = b[i] - r[i];
+          return linalg::largest_magnitude(r.data(), n, 1, 1) / (size > 0 ? size : 1.0);
+        },
+        [&] {
+          before = x;
+          bordered_->solve(r.data(), r.data() + chain, 1, threads_);
+          for (long i = 0; i < n; ++i) x[i] += r[i];
+        },
+        [&] { x = before; });
+    for (long i = 0; i < n; ++i) rhs[i * m + column] = x[i];
+  }
 }
 
 void KktSystem::multiply(const std::vector<double>& x, std::vector<double>& y) const {

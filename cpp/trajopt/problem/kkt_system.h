@@ -52,6 +52,7 @@ class KktSystem {
   void assemble_frames(const Linearization& lin, double damping, bool identity);
   void assemble_spline(const Linearization& lin, double damping, bool identity);
   void add_constraints_spline(const Linearization& lin);
+  void solve_ring(std::vector<double>& rhs, int m);
   // Adds rows x columns block at (node row, local row), (node column, local column) of the lower
   // triangle (wrapping into the border for a ring).
   void put(int row_node, int row, int column_node, int column, int rows, int columns,

@@ -23,6 +23,10 @@ TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::v
       frame_count_(static_cast<int>(dt_.size()) - 1) {
   const int d = model_.ndof, m = static_cast<int>(model_.unactuated.size());
   if (options_.formulation == Formulation::spline) {
+    if (options_.frames_per_knot < 2) {  // a velocity would move no frame
+      throw ArgumentError("frames_per_knot = " + std::to_string(options_.frames_per_knot) +
+                          ": expected at least 2");
+    }
     if (frame_count_ % options_.frames_per_knot != 0) {
       throw ArgumentError("frames = " + std::to_string(frame_count_) +
                           ": expected a multiple of frames_per_knot = " +

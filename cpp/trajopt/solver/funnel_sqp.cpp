@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "trajopt/base/error.h"
 #include "trajopt/solver/stopwatch.h"
@@ -16,6 +17,7 @@ constexpr double kAccept = 0.05;        // least actual / predicted decrease
 constexpr double kObjectiveShare = 0.1;  // of the tangential decrease: below it a step is restoring
 constexpr double kRestore = 0.1;        // least relative decrease of |C| by a restoring step
 constexpr int kMaxRestorations = 30;
+constexpr int kMaxRounds = 3;          // of descent and restoration
 
 template <class... Args>
 std::string format(const char* text, Args... args) {
@@ -42,25 +44,48 @@ class FunnelSolver {
       return {Status::numerical_failure, "the initial guess gives values that are not finite", 0};
     }
     funnel_ = std::max(funnel_, 1.25 * current_.constraint_norm);
-    bool settled = false;
-    int iteration = 0;
-    for (; iteration < options_.max_iterations && !settled; ++iteration) {
-      record_ = {};
-      record_.seconds = pending_;
-      pending_ = {};
-      if (!step()) return failure(iteration);
-      if (!report(iteration)) return interrupted(iteration + 1);
-      settled = has_settled();
-      if (damping_ >= kMaxDamping) break;
+    for (int round = 0;; ++round) {
+      const bool settled = descend();
+      if (stop_) return *stop_;
+      if (!options_.restore) return conclude(settled);
+      const double before = current_.objective;
+      restore();
+      if (stop_) return *stop_;
+      // Restoring physics may cost objective; if it did, go on from there in a narrow funnel.
+      const bool kept = current_.objective - before <= options_.objective_tolerance * before;
+      if (kept || !settled || round == kMaxRounds || iteration_ >= options_.max_iterations) {
+        return conclude(settled);
+      }
+      history_.clear();
+      funnel_ = floor();
+      damping_ = std::max(damping_, options_.damping);
     }
-    if (!options_.restore) return conclude(settled, iteration);
-    return restore(settled, iteration);
   }
 
  private:
   void linearize() {
     problem_.linearize(state_, options_.augmentation, current_, lin_);
     pending_.dynamics += watch_.lap();
+  }
+
+  // Steps until the objective has settled (true) or the limit is reached.
+  bool descend() {
+    while (iteration_ < options_.max_iterations && damping_ < kMaxDamping) {
+      begin_record();
+      if (!step()) {
+        stop_ = failure();
+        return false;
+      }
+      if (!report()) return false;
+      if (has_settled()) return true;
+    }
+    return false;
+  }
+
+  void begin_record() {
+    record_ = {};
+    record_.seconds = pending_;
+    pending_ = {};
   }
 
   // Factors K at the current damping; raises it while the matrix has the wrong inertia.
@@ -196,8 +221,8 @@ class FunnelSolver {
       record_.gain_ratio =
           violation > 0 ? (violation - trial_.constraint_norm) / (zeta * violation) : 1;
       if (accepted) {
-        funnel_ = std::max({0.9 * funnel_ < violation ? funnel_ : 0.9 * funnel_,
-                            0.5 * (trial_.constraint_norm + violation), floor()});
+        funnel_ = std::min(funnel_, std::max({0.9 * funnel_, 0.5 * (trial_.constraint_norm + violation),
+                                              floor()}));
       }
     }
     record_.accepted = accepted;
@@ -218,18 +243,24 @@ class FunnelSolver {
 
   double floor() const { return std::max(10 * options_.constraint_tolerance, 1e-4); }
 
-  bool report(int iteration) {
-    record_.iteration = iteration;
+  // Hands the record to the observer; false: stop, with stop_ set.
+  bool report() {
+    record_.iteration = iteration_++;
     record_.objective = current_.objective;
     record_.terms = current_.terms;
     record_.constraint_norm = current_.constraint_norm;
     record_.frame_violation = current_.frame_violation;
     record_.penalty = funnel_;
     record_.elapsed = watch_.total();
-    return !observer_ || observer_(record_, state_);
+    if (!observer_ || observer_(record_, state_)) return true;
+    stop_ = {Status::interrupted,
+             format("stopped on request; objective %.6g, |C| = %.2e body weights",
+                    current_.objective, current_.constraint_norm),
+             iteration_};
+    return false;
   }
 
-  // Has the objective stopped falling? First a stalled objective narrows the funnel.
+  // Has the objective stopped falling? With physics still loose, narrows the funnel first.
   bool has_settled() {
     if (!record_.accepted) return false;
     history_.push_back(current_.objective);
@@ -237,24 +268,27 @@ class FunnelSolver {
     if (static_cast<int>(history_.size()) <= window) return false;
     const double before = history_[history_.size() - 1 - window];
     if (before - current_.objective > options_.objective_tolerance * std::abs(before)) return false;
-    if (current_.constraint_norm <= funnel_ * 0.1 || funnel_ <= floor()) return true;
-    funnel_ = std::max(0.3 * funnel_, floor());
+    if (current_.constraint_norm <= floor()) return true;
+    funnel_ = std::max(std::min(0.3 * funnel_, 0.5 * current_.constraint_norm), floor());
     history_.clear();
     return false;
   }
 
-  // Newton steps on the constraints alone.
-  Result restore(bool settled, int iteration) {
-    double step_limit = options_.normal_radius;
-    for (int k = 0; k < kMaxRestorations; ++k, ++iteration) {
+  // Newton steps on the constraints alone, shortest in the metric W.
+  void restore() {
+    const double kept = damping_;
+    damping_ = std::max(damping_, 1e-2);
+    double limit = options_.normal_radius;
+    for (int k = 0; k < kMaxRestorations; ++k) {
       if (current_.constraint_norm <= options_.constraint_tolerance) break;
-      record_ = {};
-      record_.seconds = pending_;
-      pending_ = {};
-      if (!factor()) return failure(iteration);
+      begin_record();
+      if (!factor()) {
+        stop_ = failure();
+        return;
+      }
       solve_steps();
       const double length = std::sqrt(kkt_.metric_norm2(normal_));
-      const double zeta = std::min(1.0, step_limit / std::max(length, 1e-300));
+      const double zeta = std::min(1.0, limit / std::max(length, 1e-300));
       std::vector<double> d(normal_);
       for (double& v : d) v *= zeta;
       bool finite = trial(d);
@@ -264,56 +298,49 @@ class FunnelSolver {
       }
       record_.step_norm = zeta * length;
       record_.damping = damping_;
-      record_.accepted = finite && trial_.constraint_norm < (1 - kRestore * zeta) *
-                                                                current_.constraint_norm;
+      record_.accepted =
+          finite && trial_.constraint_norm < (1 - kRestore * zeta) * current_.constraint_norm;
       if (record_.accepted) {
         state_ = trial_state_;
         linearize();
-        step_limit = std::min(2 * step_limit, options_.normal_radius);
+        limit = std::min(2 * limit, options_.normal_radius);
       } else {
-        step_limit = 0.25 * zeta * length;
-        damping_ *= 0.1;
+        limit = 0.25 * zeta * length;
+        damping_ *= 10;
       }
-      if (!report(iteration)) return interrupted(iteration + 1);
-      if (step_limit < 1e-10) break;
+      if (!report()) return;
+      if (limit < 1e-10) break;
     }
-    return conclude(settled, iteration);
+    damping_ = kept;
   }
 
-  Result conclude(bool settled, int iterations) const {
+  Result conclude(bool settled) const {
     const double c = current_.constraint_norm, tolerance = options_.constraint_tolerance;
     if (options_.restore && c > tolerance) {
       return {Status::stalled,
               format("restoration ended at |C| = %.2e body weights, above the tolerance %.1e "
-                     "(objective %.6g)", c, tolerance, current_.objective), iterations};
+                     "(objective %.6g)", c, tolerance, current_.objective), iteration_};
     }
     if (settled) {
       return {Status::solved,
               format("objective %.6g fell by less than %.1e (relative) in %d iterations; |C| = "
                      "%.2e <= %.1e body weights", current_.objective, options_.objective_tolerance,
-                     options_.window, c, tolerance), iterations};
+                     options_.window, c, tolerance), iteration_};
     }
     if (damping_ >= kMaxDamping) {
       return {Status::stalled,
               format("no step lowers the objective %.6g any more (damping %.1e)",
-                     current_.objective, damping_), iterations};
+                     current_.objective, damping_), iteration_};
     }
     return {Status::max_iterations,
-            format("%d iterations done; objective %.6g, |C| = %.2e body weights", iterations,
-                   current_.objective, c), iterations};
+            format("iteration limit reached; objective %.6g, |C| = %.2e body weights",
+                   current_.objective, c), iteration_};
   }
 
-  Result failure(int iteration) const {
+  Result failure() const {
     return {Status::numerical_failure,
             format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
-                factor_error_, iteration};
-  }
-
-  Result interrupted(int iterations) const {
-    return {Status::interrupted,
-            format("stopped on request after %d iterations; objective %.6g, |C| = %.2e body "
-                   "weights", iterations, current_.objective, current_.constraint_norm),
-            iterations};
+                factor_error_, iteration_};
   }
 
   TrajectoryProblem& problem_;
@@ -330,6 +357,8 @@ class FunnelSolver {
   IterationRecord record_;
   PhaseSeconds pending_;
   std::string factor_error_;
+  std::optional<Result> stop_;
+  int iteration_ = 0;
 };
 
 }  // namespace

@@ -163,8 +163,8 @@ class PaperSolver {
     for (int twice = 0; twice < 2; ++twice) add(-dot(u, v), u, v);
     normalize(v, whole);
     const Vector hu = hessian_times(u), hv = hessian_times(v);
-    const auto y = minimize_in_disc(dot(u, hu), dot(u, hv), dot(v, hv), dot(u, slope),
-                                    dot(v, slope), radius);
+    const auto y =
+        minimize_in_disc(dot(u, hu), dot(u, hv), dot(v, hv), dot(u, slope), dot(v, slope), radius);
     add(y[0], u, d);
     add(y[1], v, d);
   }
@@ -200,7 +200,8 @@ class PaperSolver {
     return std::isnan(value) ? HUGE_VAL : value;
   }
 
-  // ---- linear algebra ----------------------------------------------------------------------------
+  // ---- linear algebra
+  // ----------------------------------------------------------------------------
 
   bool factor_newton() {
     double largest = 0;
@@ -302,7 +303,8 @@ class PaperSolver {
       std::fill_n(x.data() + newton_.offset(i) + newton_.dual(), newton_.primal(), 0.0);
   }
 
-  // ---- outcome -----------------------------------------------------------------------------------
+  // ---- outcome
+  // -----------------------------------------------------------------------------------
 
   bool report(int iteration) {
     record_.iteration = iteration;
@@ -338,16 +340,17 @@ class PaperSolver {
     }
     return {Status::stalled,
             format("the trust region shrank to %.1e after %d accepted steps; objective %.6g, |C| = "
-                   "%.2e (tolerance %.1e), penalty %.1e", radius_, accepted_, current_.objective,
-                   current_.constraint_norm, options_.constraint_tolerance, penalty_),
+                   "%.2e (tolerance %.1e), penalty %.1e",
+                   radius_, accepted_, current_.objective, current_.constraint_norm,
+                   options_.constraint_tolerance, penalty_),
             iterations};
   }
 
   Result failure(int iteration) const {
-    return {Status::numerical_failure,
-            format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
-                factor_error_,
-            iteration};
+    return {
+        Status::numerical_failure,
+        format("the KKT matrix could not be factored at damping %.1e: ", damping_) + factor_error_,
+        iteration};
   }
 
   Result interrupted(int iterations) const {
@@ -370,7 +373,7 @@ class PaperSolver {
   Evaluation current_, trial_;
   State trial_state_;
   Linearization lin_;
-  Vector gradient_, constraint_;         // b in the tangent rows, C0 in the multiplier rows
+  Vector gradient_, constraint_;  // b in the tangent rows, C0 in the multiplier rows
   Vector newton_step_, shortest_step_;
   IterationRecord record_;
   PhaseSeconds pending_;

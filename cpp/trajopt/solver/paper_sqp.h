@@ -17,17 +17,17 @@ namespace trajopt {
 // Constants of the paper, in the problem's own units (the paper's C_max and eps_C are in newtons).
 struct PaperOptions {
   int max_iterations = 3000;
-  double constraint_limit = 0.1;        // C_max
-  double constraint_tolerance = 1e-5;   // eps_C
-  double step_tolerance = 1e-3;         // eps_E
-  double growth = 1.2;                  // of the radius after an accepted step
-  double shrink = 0.8;                  // of a rejected step's length
-  double normal_share = 0.8;            // of the radius that restoring C may use (Nocedal 18.5)
-  double penalty = 1e-8;                // mu to begin with: the paper gives none
-  double damping = 1e-6;                // H + damping * (largest diagonal of H) I
-  double epsilon = 1e-10;               // on the multiplier diagonal, refined away
+  double constraint_limit = 0.1;       // C_max
+  double constraint_tolerance = 1e-5;  // eps_C
+  double step_tolerance = 1e-3;        // eps_E
+  double growth = 1.2;                 // of the radius after an accepted step
+  double shrink = 0.8;                 // of a rejected step's length
+  double normal_share = 0.8;           // of the radius that restoring C may use (Nocedal 18.5)
+  double penalty = 1e-8;               // mu to begin with: the paper gives none
+  double damping = 1e-6;               // H + damping * (largest diagonal of H) I
+  double epsilon = 1e-10;              // on the multiplier diagonal, refined away
   int conjugate_gradient_steps = 200;
-  double smallest_radius = 1e-10;       // where to give up
+  double smallest_radius = 1e-10;  // where to give up
   linalg::Ordering ordering = linalg::Ordering::automatic;
 };
 

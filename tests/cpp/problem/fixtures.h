@@ -84,7 +84,7 @@ inline Physics make_physics(Integrator integrator) {
   Physics p;
   p.gravity[2] = -1;
   p.ground = true;
-  p.plane_offset = -0.3;
+  p.plane_offset = 0.3;
   p.normal = 30;
   p.friction = 20;
   p.damping = 1;
@@ -134,6 +134,8 @@ inline Objective every_term(const Model& model, int frames, Random& random) {
   dense(DenseKind::physics, 0.02, false);
   dense(DenseKind::point_position, 0.4, true);
   dense(DenseKind::point_velocity, 0.1, true);
+  dense(DenseKind::contact_rate, 0.01, false);
+  dense(DenseKind::contact_slip, 0.1, false);
   std::vector<double> pose;
   for (int i = 0; i < frames; ++i) {
     std::vector<double> q(model.nq);
@@ -158,10 +160,8 @@ inline Objective quadratic_terms(const Model& model, int frames, Random& random)
 
 inline Objective effort_only(int frames, double weight) {
   Objective o;
-  DenseObjective t{.name = "effort",
-                   .term = {},
-                   .weight = std::vector<double>(frames, weight),
-                   .target = {}};
+  DenseObjective t{
+      .name = "effort", .term = {}, .weight = std::vector<double>(frames, weight), .target = {}};
   t.term.kind = DenseKind::effort;
   o.dense.push_back(std::move(t));
   return o;
@@ -184,16 +184,16 @@ inline Case make_case(const Setup& setup, const Model& model, const Objective& o
   integrate(model, q.data(), random.vector(model.ndof, 0.05).data(), q.data());
   std::copy(q.begin(), q.end(), initial.begin() + model.nq);
   Case c;
-  c.problem = std::make_unique<TrajectoryProblem>(
-      model, make_physics(setup.integrator), dt, objective, initial,
-      random.vector(model.ndof, 0.3), options);
+  c.problem =
+      std::make_unique<TrajectoryProblem>(model, make_physics(setup.integrator), dt, objective,
+                                          initial, random.vector(model.ndof, 0.3), options);
   for (int i = 0; i < c.problem->nodes(); ++i) {
     integrate(model, q.data(), random.vector(model.ndof, setup.turn).data(), q.data());
     c.state.insert(c.state.end(), q.begin(), q.end());
   }
   if (setup.formulation == Formulation::spline) {
-    const auto v = random.vector(static_cast<std::size_t>(c.problem->nodes()) * model.ndof,
-                                 setup.turn);
+    const auto v =
+        random.vector(static_cast<std::size_t>(c.problem->nodes()) * model.ndof, setup.turn);
     c.state.insert(c.state.end(), v.begin(), v.end());
   }
   return c;
@@ -282,7 +282,6 @@ inline std::vector<Named> all_setups() {
       {"spline", {.formulation = spline, .frames = 20}},
       {"spline_odd", {.formulation = spline, .frames = 15, .integrator = Integrator::implicit}},
       {"spline_short", {.formulation = spline, .frames = 12, .frames_per_knot = 2}},
-      {"spline_single", {.formulation = spline, .frames = 6, .frames_per_knot = 1}},
       {"spline_uneven", {.formulation = spline, .frames = 20, .uneven = true}},
       {"spline_large_turns", {.formulation = spline, .frames = 20, .turn = 1.2}},
   };
