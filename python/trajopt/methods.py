@@ -87,7 +87,6 @@ def run_core(
             observer,
             max_iterations=max_iterations,
             restore=last,
-            damping=1e-2 if not hasattr(core, "warm") else 1e-3,
             **options,
         )
     status, message, count, final = result

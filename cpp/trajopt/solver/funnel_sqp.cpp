@@ -17,6 +17,9 @@ constexpr double kAccept = 0.05;        // least actual / predicted decrease
 constexpr double kObjectiveShare = 0.1;  // of the tangential decrease: below it a step is restoring
 constexpr double kRestore = 0.1;        // least relative decrease of |C| by a restoring step
 constexpr int kMaxRestorations = 30;
+constexpr double kMaxRestorationDamping = 1e8;
+constexpr double kMeritFactor = 2;       // weight of |C|_inf over the largest multiplier
+constexpr double kMeritShare = 0.1;
 constexpr int kMaxRounds = 3;          // of descent and restoration
 
 template <class... Args>
@@ -36,6 +39,7 @@ class FunnelSolver {
         observer_(observer),
         kkt_(problem, options.smoothing, options.ordering),
         funnel_(options.funnel),
+        narrow_(options.funnel),
         damping_(options.damping) {}
 
   Result run() {
@@ -57,7 +61,7 @@ class FunnelSolver {
         return conclude(settled);
       }
       history_.clear();
-      funnel_ = floor();
+      narrow_ = funnel_ = floor();
       damping_ = std::max(damping_, options_.damping);
     }
   }
@@ -118,6 +122,12 @@ class FunnelSolver {
             -lin_.node_gradient[static_cast<long>(i) * kkt_.primal() + k];
     }
     kkt_.solve(rhs_, 2);
+    multiplier_ = 0;
+    for (int i = 0; i < kkt_.nodes(); ++i)
+      for (int k = 0; k < kkt_.dual(); ++k) {
+        const long at = 2 * (kkt_.offset(i) + k);
+        multiplier_ = std::max(multiplier_, std::abs(rhs_[at] + rhs_[at + 1]));
+      }
     tangential_.resize(kkt_.rows());
     normal_.resize(kkt_.rows());
     for (long r = 0; r < kkt_.rows(); ++r) {
@@ -191,8 +201,6 @@ class FunnelSolver {
     record_.step_norm = std::sqrt(kkt_.metric_norm2(d));
     const double tangential_decrease = predicted_decrease(tangential_, 0.0);
     const double predicted = predicted_decrease(d, zeta);
-    const double violation = current_.constraint_norm;
-
     bool finite = trial(d);
     for (int k = 0; finite && k < options_.corrections; ++k) {
       if (trial_.constraint_norm <= 0.1 * options_.constraint_tolerance) break;
@@ -211,20 +219,7 @@ class FunnelSolver {
       d = std::move(corrected);
     }
 
-    const double actual = current_.objective - trial_.objective;
-    bool accepted = false;
-    if (finite && predicted >= kObjectiveShare * tangential_decrease) {
-      record_.gain_ratio = predicted > 0 ? actual / predicted : 0;
-      accepted = trial_.constraint_norm <= funnel_ && actual > 0 && record_.gain_ratio > kAccept;
-    } else if (finite) {  // restoring
-      accepted = trial_.constraint_norm <= (1 - kRestore * zeta) * violation;
-      record_.gain_ratio =
-          violation > 0 ? (violation - trial_.constraint_norm) / (zeta * violation) : 1;
-      if (accepted) {
-        funnel_ = std::min(funnel_, std::max({0.9 * funnel_, 0.5 * (trial_.constraint_norm + violation),
-                                              floor()}));
-      }
-    }
+    const bool accepted = finite && accept(predicted, tangential_decrease, zeta);
     record_.accepted = accepted;
     record_.damping = damping_;
     if (accepted) {
@@ -234,10 +229,35 @@ class FunnelSolver {
       growth_ = 2;
       state_ = trial_state_;
       linearize();
+      // A funnel opened for a bad start closes behind the iterates.
+      funnel_ = std::max(std::min(funnel_, 1.25 * current_.constraint_norm), narrow_);
     } else {
       damping_ = std::min(damping_ * growth_, kMaxDamping);
       growth_ *= 2;
     }
+    return true;
+  }
+
+  // Is the trial good enough? Sets the gain ratio that steers the damping.
+  bool accept(double predicted, double tangential, double zeta) {
+    const double actual = current_.objective - trial_.objective;
+    const double violation = current_.constraint_norm;
+    const double restored = violation - trial_.constraint_norm;
+    if (predicted >= kObjectiveShare * tangential) {
+      record_.gain_ratio = predicted > 0 ? actual / predicted : 0;
+      if (trial_.constraint_norm <= funnel_ && actual > 0 && record_.gain_ratio > kAccept)
+        return true;
+    } else if (restored >= kRestore * zeta * violation) {
+      record_.gain_ratio = restored / (zeta * violation);
+      funnel_ = std::min(funnel_, std::max({0.9 * funnel_, violation - 0.5 * restored, floor()}));
+      return true;
+    }
+    // Neither alone: the two together, weighed by the multipliers.
+    const double weight = kMeritFactor * multiplier_;
+    const double merit = actual + weight * restored;
+    const double expected = std::max(predicted, 0.0) + weight * zeta * violation;
+    if (restored < kRestore * zeta * violation || merit < kMeritShare * expected) return false;
+    record_.gain_ratio = merit / expected;
     return true;
   }
 
@@ -267,9 +287,14 @@ class FunnelSolver {
     const int window = options_.window;
     if (static_cast<int>(history_.size()) <= window) return false;
     const double before = history_[history_.size() - 1 - window];
-    if (before - current_.objective > options_.objective_tolerance * std::abs(before)) return false;
+    const double change = options_.objective_tolerance * std::abs(before);
+    if (before - current_.objective > change) return false;
+    if (current_.objective - before > change) {  // physics was restored at its expense: go on
+      history_.clear();
+      return false;
+    }
     if (current_.constraint_norm <= floor()) return true;
-    funnel_ = std::max(std::min(0.3 * funnel_, 0.5 * current_.constraint_norm), floor());
+    narrow_ = funnel_ = std::max(std::min(0.3 * funnel_, 0.5 * current_.constraint_norm), floor());
     history_.clear();
     return false;
   }
@@ -277,7 +302,7 @@ class FunnelSolver {
   // Newton steps on the constraints alone, shortest in the metric W.
   void restore() {
     const double kept = damping_;
-    damping_ = std::max(damping_, 1e-2);
+    damping_ = options_.damping;
     double limit = options_.normal_radius;
     for (int k = 0; k < kMaxRestorations; ++k) {
       if (current_.constraint_norm <= options_.constraint_tolerance) break;
@@ -309,7 +334,7 @@ class FunnelSolver {
         damping_ *= 10;
       }
       if (!report()) return;
-      if (limit < 1e-10) break;
+      if (damping_ > kMaxRestorationDamping * options_.damping) break;
     }
     damping_ = kept;
   }
@@ -349,7 +374,7 @@ class FunnelSolver {
   const Observer& observer_;
   KktSystem kkt_;
   Stopwatch watch_;
-  double funnel_, damping_, growth_ = 2;
+  double funnel_, narrow_, damping_, growth_ = 2, multiplier_ = 0;
   Evaluation current_, trial_, best_trial_;
   State trial_state_, best_state_;
   Linearization lin_;

@@ -121,7 +121,7 @@ void HermiteSpline::linearize(const double* q, const double* v) {
       Mat3<double> end = scaled(b.h01, identity3<double>());
       end += scaled(b.h11, inverse_jacobian_derivative(phi, wb));
       const Mat3<double> by_phi = j * end;
-      // Start: the chart moves along, R = exp(h) exp(delta) R_a, and phi falls by J_l^-T(phi) delta.
+      // Start: the chart moves along, R = exp(h) exp(delta) R_a; phi falls by J_l^-T(phi) delta.
       double turn[4];
       quaternion_exp(h, turn);
       Mat3<double> start = quaternion_matrix(turn);

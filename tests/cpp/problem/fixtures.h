@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <memory>
+#include <ostream>
 #include <random>
 #include <string>
 #include <vector>
@@ -207,10 +208,11 @@ inline Case make_case(const Setup& setup, unsigned seed = 1) {
 }
 
 // Derivative of a vector-valued function of the state along every unknown, by fourth-order central
-// differences: result[j] is the column of unknown j.
+// differences: result[j] is the column of unknown j. The step is short, as contact and limits are
+// only C1.
 template <class Function>
 std::vector<std::vector<double>> differences(const TrajectoryProblem& problem, const State& state,
-                                             const Function& function, double h = 1e-4) {
+                                             const Function& function, double h = 2e-5) {
   const std::size_t n = static_cast<std::size_t>(problem.nodes()) * problem.primal();
   std::vector<std::vector<double>> columns(n);
   std::vector<double> step(n, 0.0);
@@ -267,6 +269,8 @@ struct Named {
   std::string name;
   Setup setup;
 };
+
+inline void PrintTo(const Named& named, std::ostream* out) { *out << named.name; }
 
 // One setup of each kind.
 inline std::vector<Named> all_setups() {
