@@ -40,7 +40,8 @@ class FunnelSolver {
         kkt_(problem, options.smoothing, options.ordering),
         funnel_(options.funnel),
         narrow_(options.funnel),
-        damping_(options.damping) {}
+        damping_(options.damping),
+        normal_radius_(options.normal_radius) {}
 
   Result run() {
     linearize();
@@ -194,8 +195,7 @@ class FunnelSolver {
     if (!factor()) return false;
     solve_steps();
     const double normal_length = std::sqrt(kkt_.metric_norm2(normal_));
-    const double zeta =
-        normal_length > options_.normal_radius ? options_.normal_radius / normal_length : 1.0;
+    const double zeta = normal_length > normal_radius_ ? normal_radius_ / normal_length : 1.0;
     std::vector<double> d(tangential_);
     for (long r = 0; r < kkt_.rows(); ++r) d[r] += zeta * normal_[r];
     record_.step_norm = std::sqrt(kkt_.metric_norm2(d));
@@ -231,7 +231,10 @@ class FunnelSolver {
       linearize();
       // A funnel opened for a bad start closes behind the iterates.
       funnel_ = std::max(std::min(funnel_, 1.25 * current_.constraint_norm), narrow_);
+      normal_radius_ = std::min(2 * normal_radius_, options_.normal_radius);
     } else {
+      // Damping shortens the tangential part only: a normal step that dominates is cut here.
+      if (2 * zeta * normal_length > record_.step_norm) normal_radius_ = 0.5 * zeta * normal_length;
       damping_ = std::min(damping_ * growth_, kMaxDamping);
       growth_ *= 2;
     }
@@ -374,7 +377,7 @@ class FunnelSolver {
   const Observer& observer_;
   KktSystem kkt_;
   Stopwatch watch_;
-  double funnel_, narrow_, damping_, growth_ = 2, multiplier_ = 0;
+  double funnel_, narrow_, damping_, normal_radius_, growth_ = 2, multiplier_ = 0;
   Evaluation current_, trial_, best_trial_;
   State trial_state_, best_state_;
   Linearization lin_;
