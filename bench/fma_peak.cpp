@@ -24,7 +24,6 @@ int main() {
     const auto begin = std::chrono::steady_clock::now();
     for (long s = 0; s < kSteps; ++s) {
       for (int c = 0; c < kChains; ++c) a[c] = a[c] * scale + shift;
-      asm volatile("" : "+m"(scale)::);
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
     const double rate = 2.0 * kChains * kLanes * kSteps / elapsed.count() * 1e-9;

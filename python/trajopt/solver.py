@@ -15,6 +15,7 @@ from trajopt.checks import non_negative, positive
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
 from trajopt.methods import METHODS, paper_problem, run_core
 from trajopt.records import IterationRecord
+from trajopt.refinement import interval_errors, refine_until
 from trajopt.result import build_solution
 from trajopt.status import Status
 from trajopt.transcription import Stage, Transcription
@@ -23,17 +24,10 @@ if TYPE_CHECKING:
     from trajopt.problem import Problem
     from trajopt.solution import Solution
 
-__all__ = ["DEFAULT_STAGES", "Stage", "solve"]
+__all__ = ["Stage", "solve"]
 
 FloatArray = NDArray[np.float64]
 
-# Soft ground first: contacts are felt from afar, so the optimizer finds where to step; the last
-# stage is the user's ground.
-DEFAULT_STAGES = (
-    Stage(stiffness=1 / 50, friction=0.2, iterations=150),
-    Stage(stiffness=1 / 7, friction=0.5, iterations=150),
-    Stage(),
-)
 MAX_ITERATIONS = 1000
 
 
@@ -194,9 +188,9 @@ def solve(
         method,
         ordering,
     )
-    passes = list(METHODS[method].stages if stages is None else stages)
-    if warm_start is not None:
-        passes = _remaining(passes, warm_start, given=stages is not None)
+    passes = list(enumerate(METHODS[method].stages if stages is None else stages))
+    if warm_start is not None and stages is None:
+        passes = _remaining(passes, warm_start)
     limit = MAX_ITERATIONS if max_iterations is None else max_iterations
     guess = None if warm_start is None else _resample(problem, warm_start)
     options = {
@@ -205,18 +199,47 @@ def solve(
         "ordering": ordering,
     }
     solution = _run_stages(run, passes, guess, limit, noise, options)
-    if refine is not None and solution.status is Status.SOLVED:
-        from trajopt.refinement import refine_solution
-
-        solution = refine_solution(
-            run, solution, refine, max_refinements, limit, options, _run_stages
-        )
+    if refine is not None:
+        solution = _refine(run, solution, refine, max_refinements, limit, options)
     return solution
+
+
+def _refine(
+    run: _Run,
+    solution: Solution,
+    tolerance: float,
+    passes: int,
+    limit: int,
+    options: dict[str, Any],
+) -> Solution:
+    """Halve the steps where the residual between frames is large, and solve again."""
+    best = solution
+    start = Transcription.on_grid
+
+    def solve_on(steps: FloatArray) -> bool:
+        nonlocal best
+        run.transcription = start(run.transcription, steps)
+        guess = _resample(run.transcription.problem, best)
+        last = [(run.stage_index, run.stage)]
+        found = _run_stages(run, last, guess, max(limit, len(run.history) + 1), 0.0, options)
+        if found.status is Status.SOLVED:
+            best = found
+        return found.status is Status.SOLVED
+
+    if solution.status is Status.SOLVED:
+        refine_until(
+            lambda: interval_errors(best, best.fine_violation, best.body_weight),
+            solve_on,
+            run.transcription.problem.steps,
+            tolerance,
+            passes,
+        )
+    return best
 
 
 def _run_stages(
     run: _Run,
-    passes: Sequence[tuple[int, Stage]] | Sequence[Stage],
+    passes: Sequence[tuple[int, Stage]],
     guess: FloatArray | None,
     limit: int,
     noise: float,
@@ -224,8 +247,7 @@ def _run_stages(
 ) -> Solution:
     """Solve stage by stage, each from the motion of the one before."""
     transcription = run.transcription
-    numbered = [p if isinstance(p, tuple) else (k, p) for k, p in enumerate(passes)]
-    for index, stage in numbered:
+    for index, stage in passes:
         run.stage_index, run.stage = index, stage
         run.initial = transcription.initial_frames(stage)
         core = transcription.core_problem(stage, run.initial)
@@ -236,7 +258,7 @@ def _run_stages(
             state = _perturb(transcription, core, state, transcription.noise(rng, noise))
         else:
             state = core.state_from_frames(transcription.to_core(guess))
-        last = index == numbered[-1][0]
+        last = index == passes[-1][0]
         budget = limit - len(run.history)
         if stage.iterations is not None and not last:
             budget = min(budget, stage.iterations)
@@ -265,16 +287,13 @@ def _perturb(
 
 
 def _remaining(
-    passes: list[Stage], warm_start: Solution, given: bool
+    passes: list[tuple[int, Stage]], warm_start: Solution
 ) -> list[tuple[int, Stage]]:
-    """Stages still to do: all that were given, those from a checkpoint's on, or the last."""
-    numbered = list(enumerate(passes))
-    if given:
-        return numbered
+    """Stages still to do: those from an unfinished solve's stage on, else the last."""
     stage = warm_start.settings.get("stage")
     if warm_start.status is not Status.SOLVED and isinstance(stage, int):
-        return numbered[min(stage, len(passes) - 1) :]
-    return numbered[-1:]
+        return passes[min(stage, len(passes) - 1) :]
+    return passes[-1:]
 
 
 def _resample(problem: Problem, solution: Solution) -> FloatArray:

@@ -69,6 +69,13 @@ class Transcription:
         self._place: FloatArray | None = None
         self.settle_residual = 0.0
 
+    def on_grid(self, steps: FloatArray) -> Transcription:
+        """Return the same with other time steps [s]; terms keep the factors they have."""
+        other = Transcription(self.problem.with_steps(steps), self.threads)
+        other.factors = dict(self.factors)
+        other._place = self._place
+        return other
+
     # ---- contact and start -------------------------------------------------------------------------
 
     def staged_contact(self, stage: Stage) -> ResolvedContact | None:
