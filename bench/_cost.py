@@ -1,18 +1,23 @@
 """Time per iteration by phase on one core, next to what its arithmetic needs at least.
 
-Floor: flops over the peak rate of multiply-adds of one core (fma_peak.cpp, measured). Counted is
-the least that an accepted iteration of the frames formulation does:
+Floor: the larger of flops over the peak rate of multiply-adds of one core (fma_peak.cpp) and bytes
+over the rate at which one core copies an array of the size of the KKT matrix; both rates measured.
+Counted is the least that an accepted iteration of the frames formulation does:
 
 - derivatives: 35 kflop a frame for FD, three Jacobians and the center of mass (counted for D = 18,
   scaled with D²), 10 kflop for one trial evaluation; belongs to phase ``dynamics``;
 - Gram matrices: w² for an objective or physics row with w nonzero columns (2 flops for each element
   of the lower triangle); done frame by frame while the derivatives are in cache, so phase
   ``dynamics``, too;
-- assembly: one addition per element of the window's six D × D blocks, and the 3 (D − nu) × D
-  constraint rows written once; bound by memory rather than by arithmetic;
+- assembly: one addition per element of the window's six D × D blocks and of the 3 (D − nu) × D
+  constraint rows;
 - factorization: 7/3 B³ per block, B = 2 (2D − nu), N/2 blocks;
 - solve: 8 B² per block and right-hand side (substitution and one refinement), two of them: the
   tangential and the normal step.
+
+Bytes: the window's blocks and constraint rows are written once by the derivatives and read once by
+the assembly, which writes the matrix (1.5 B² numbers a block); the factorization reads it and
+writes as much; a solve reads the factor four times (down and up, twice) and the matrix once.
 
 What comes on top of it in a real iteration: second-order corrections (up to two more trials and
 solves), predicted decrease, a second factorization where the inertia was wrong.
@@ -24,6 +29,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +55,11 @@ def measure(scenario: str = SCENARIO) -> dict[str, Any]:
     phases = np.array([[r.seconds[p] for p in PHASES] for r in solution.history]) * 1e3
     accepted = np.array([r.accepted for r in solution.history])
     peak = peak_rate()
-    flops = count_flops(problem)
+    flops, traffic = count_flops(problem), count_bytes(problem)
+    rate = copy_rate(problem)
+    floor = None
+    if peak is not None:
+        floor = {p: max(flops[p] / (peak * 1e6), traffic[p] / (rate * 1e6)) for p in PHASES}
     return {
         "machine": environment(),
         "scenario": scenario,
@@ -65,7 +75,9 @@ def measure(scenario: str = SCENARIO) -> dict[str, Any]:
         "aim": AIM,
         "peak_gflops": peak,
         "megaflops": {name: value * 1e-6 for name, value in flops.items()},
-        "floor": None if peak is None else {p: flops[p] / (peak * 1e6) for p in PHASES},
+        "copy_gigabytes": rate,
+        "megabytes": {name: value * 1e-6 for name, value in traffic.items()},
+        "floor": floor,
     }
 
 
@@ -102,6 +114,31 @@ def _gram(term: _Term, problem: trajopt.Problem) -> float:
     return float(frames * shape[0] * shape[1] ** 2)
 
 
+def count_bytes(problem: trajopt.Problem) -> dict[str, float]:
+    """Bytes that each phase of the least iteration moves; see the module's text."""
+    d, dual = problem.model.ndof, problem.model.ndof - problem.model.nactuated
+    windows = 8.0 * problem.frames * (6 * d * d + 3 * dual * d)
+    matrix = 8.0 * 1.5 * (2 * (d + dual)) ** 2 * ((problem.frames + 1) // 2)
+    return {
+        "dynamics": windows,
+        "assembly": windows + matrix,
+        "factorization": 2 * matrix,
+        "solve": 5 * matrix,
+    }
+
+
+def copy_rate(problem: trajopt.Problem) -> float:
+    """Bytes read and written in a second by a copy of an array as large as the matrix [GB/s]."""
+    source = np.zeros(int(count_bytes(problem)["factorization"] / 16))
+    target = np.ones_like(source)
+    best = np.inf
+    for _ in range(50):
+        begin = time.perf_counter()
+        np.copyto(target, source)
+        best = min(best, time.perf_counter() - begin)
+    return float(2 * source.nbytes / best * 1e-9)
+
+
 def peak_rate() -> float | None:
     """Multiply-add peak of one core [GFLOP/s]; None without a compiler."""
     compiler = shutil.which(os.environ.get("CXX", "c++").split()[0])
@@ -127,6 +164,7 @@ def rows(cost: dict[str, Any]) -> list[list[str]]:
                 phase,
                 f"{spent:.3g}",
                 f"{cost['megaflops'][phase]:.3g}",
+                f"{cost['megabytes'][phase]:.3g}",
                 "-" if least is None else f"{least:.2g}",
                 "-" if least is None else f"{spent / least:.1f}",
             ]
@@ -137,6 +175,7 @@ def rows(cost: dict[str, Any]) -> list[list[str]]:
             "iteration",
             f"{cost['total']:.3g}",
             f"{sum(cost['megaflops'].values()):.3g}",
+            f"{sum(cost['megabytes'].values()):.3g}",
             "-" if least is None else f"{least:.2g}",
             "-" if least is None else f"{cost['total'] / least:.1f}",
         ]
@@ -153,7 +192,7 @@ def draw(cost: dict[str, Any], path: Path) -> None:
     axes.barh(place - 0.2, spent, 0.38, color=SERIES[0], label="measured, median")
     if cost["floor"]:
         least = [cost["floor"][p] for p in PHASES]
-        axes.barh(place + 0.2, least, 0.38, color=ACCENT, label="floor: flops / peak")
+        axes.barh(place + 0.2, least, 0.38, color=ACCENT, label="floor by flops and bytes")
         for k, (a, b) in enumerate(zip(spent, least, strict=True)):
             axes.text(a, k - 0.2, f" {a:.2g} ms", va="center", fontsize=8, color=INK)
             axes.text(b, k + 0.2, f" {b:.2g} ms", va="center", fontsize=8, color=MUTED)

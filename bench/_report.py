@@ -108,7 +108,7 @@ def show(
         console.print(table)
 
 
-COST_HEADER = ("phase", "measured [ms]", "Mflop", "floor [ms]", "measured / floor")
+COST_HEADER = ("phase", "measured [ms]", "Mflop", "MB", "floor [ms]", "measured / floor")
 PAPER_HEADER = ("measure", "default", "paper", "default has")
 
 
@@ -121,7 +121,8 @@ def cost_line(cost: dict[str, Any]) -> str:
     return (
         f"{cost['total']:.3g} ms an iteration (must ≤ {cost['must']:g}, aim {cost['aim']:g}: "
         f"{verdict_}), {cost['wall_per_iteration']:.3g} ms with everything around it; "
-        f"peak of a core {peak}; {describe(cost['machine'])}"
+        f"a core's peak {peak}, its copies {cost['copy_gigabytes']:.0f} GB/s; "
+        f"{describe(cost['machine'])}"
     )
 
 

@@ -7,7 +7,7 @@ counts, along the axes that count.
 
 Place error: horizontal distance between the center of mass and its target at the target's time,
 over the length of one jump: the horizontal distance between two targets of the same term, or the
-height of the apex where the jump stays in place. Root mean square over all targets.
+height of the apex where the jump stays in place. Targets of height alone do not count. Root mean square over all targets.
 
 Apex: a target is one when it lies at least half as high above the start as the highest target.
 Flight: no more than 1 % of the body weight on all contact points together, at the frame nearest to
@@ -107,16 +107,19 @@ def targets(problem: Problem, solution: Solution) -> list[list[Target]]:
 
 def place_errors(problem: Problem, solution: Solution) -> FloatArray | None:
     """Horizontal error at every target over the length of a jump; None without targets."""
-    groups = targets(problem, solution)
-    if not groups:
+    groups = [[t for t in g if t.counts[:2].any()] for g in targets(problem, solution)]
+    if not any(groups):
         return None
     start = start_of(solution)
-    height = max((t.place[2] - start[2] for group in groups for t in group), default=0.0)
+    height = max(
+        (t.place[2] - start[2] for g in targets(problem, solution) for t in g if t.counts[2]),
+        default=0.0,
+    )
     errors = []
     for group in groups:
         steps = np.diff([t.place[:2] for t in group], axis=0)
         jump = float(np.max(np.linalg.norm(steps, axis=1), initial=0.0)) if len(steps) else 0.0
-        scale = jump if jump > 1e-6 else height
+        scale = jump if jump > 1e-6 else height if height > 0.0 else float(solution.model.length)
         for target in group:
             error = (_at(solution, target.time) - target.place)[:2][target.counts[:2]]
             errors.append(np.linalg.norm(error) / scale)

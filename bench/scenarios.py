@@ -76,7 +76,7 @@ def run_suite(options: argparse.Namespace, console: Console) -> None:
     entries = results.setdefault("scenarios", {})
     for name in options.only:
         scenario = trajopt.load_scenario(name)
-        mark = fingerprint(scenario.settings)
+        mark = fingerprint([scenario.settings, options.threads])
         entry = entries.setdefault(name, {})
         if options.fresh or entry.get("fingerprint") != mark:
             entry.clear()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from trajopt.errors import ArgumentError, ArgumentTypeError
 
-__all__ = ["finite_array", "non_negative", "number", "positive"]
+__all__ = ["choice", "finite_array", "non_negative", "number", "positive", "whole"]
 
 
 def number(owner: str, argument: str, value: Any) -> float:
@@ -53,6 +54,35 @@ def non_negative(owner: str, argument: str, value: Any) -> float:
     return checked
 
 
+def whole(owner: str, argument: str, value: Any, minimum: int) -> int:
+    """Return `value` as an int >= `minimum`.
+
+    Examples
+    --------
+    >>> whole("solve", "threads", 0, 1)
+    Traceback (most recent call last):
+    ...
+    trajopt.errors.ArgumentError: solve: threads must be a whole number >= 1, not 0
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise ArgumentTypeError(
+            f"{owner}: {argument} must be a whole number >= {minimum}, not {value!r}"
+        )
+    if value < minimum:
+        raise ArgumentError(
+            f"{owner}: {argument} must be a whole number >= {minimum}, not {value!r}"
+        )
+    return int(value)
+
+
+def choice(owner: str, argument: str, value: Any, valid: Iterable[str]) -> str:
+    """Return `value` if it is one of `valid`."""
+    names = list(valid)
+    if not isinstance(value, str) or value not in names:
+        raise ArgumentError(f"{owner}: {argument} = {value!r}, expected one of {', '.join(names)}")
+    return value
+
+
 def finite_array(
     owner: str, argument: str, value: Any, shape: tuple[int | None, ...]
 ) -> NDArray[np.float64]:
@@ -74,9 +104,7 @@ def finite_array(
     )
     if not fits:
         expected = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
-        raise ArgumentError(
-            f"{owner}: {argument} has shape {array.shape}, expected {expected}"
-        )
+        raise ArgumentError(f"{owner}: {argument} has shape {array.shape}, expected {expected}")
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         index = ", ".join(str(i) for i in bad[0])

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.checks import finite_array, number
+from trajopt.checks import finite_array, non_negative, number
 from trajopt.errors import ArgumentError, ArgumentTypeError
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def parse_initial(model: Model, initial: Any) -> InitialState:
         if isinstance(pose, str) and pose == "home"
         else _coordinates(model, "initial pose", pose, model.home),
         _coordinates(model, "initial velocity", initial.get("velocity", {}), np.zeros(model.ndof)),
-        None if height is None else number("initial", "height", height),
+        None if height is None else non_negative("initial", "height", height),
     )
 
 

@@ -343,9 +343,7 @@ class JointVelocity(_Term):
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
-        build.local(
-            "velocity", build.all_frames(self.weight), build.model.actuated.astype(float)
-        )
+        build.local("velocity", build.all_frames(self.weight), build.model.actuated.astype(float))
 
 
 @dataclass(frozen=True)

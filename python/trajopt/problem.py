@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.checks import finite_array, number, positive
+from trajopt.checks import choice, finite_array, non_negative, positive, whole
 from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.initial import InitialState, parse_initial
 from trajopt.physics import INTEGRATORS, InternalForces
+from trajopt.settle import free_bases
 from trajopt.world import Contact, World
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class Problem:
         Unknowns: every frame (physics holds at every frame), or the control points of a Hermite
         spline (Pan: physics holds when tested with the spline's basis).
     frames_per_knot : int
-        Frames per spline segment; N must be a multiple of it.
+        Frames per spline segment, at least 2; N must be a multiple of it.
     integrator : str
         ``implicit`` (Pan eq. 5), ``verlet``, ``fox_goodwin``, ``linear_acceleration`` or
         ``trapezoidal``.
@@ -101,19 +102,15 @@ class Problem:
             raise ArgumentTypeError(
                 f"Problem: model must be a Model (see load_model), not {type(model).__name__}"
             )
-        if integrator not in INTEGRATORS:
-            raise ArgumentError(
-                f"Problem: integrator = {integrator!r}, expected one of {', '.join(INTEGRATORS)}"
-            )
-        if formulation not in ("frames", "spline"):
-            raise ArgumentError(
-                f"Problem: formulation = {formulation!r}, expected 'frames' or 'spline'"
-            )
+        choice("Problem", "integrator", integrator, INTEGRATORS)
+        choice("Problem", "formulation", formulation, ("frames", "spline"))
+        _instance("world", world, World)
+        _instance("contact", contact, Contact)
         self.model = model
         self.duration = positive("Problem", "duration", duration)
         self.steps = _steps(self.duration, dt)
         self.formulation = formulation
-        self.frames_per_knot = frames_per_knot
+        self.frames_per_knot = whole("Problem", "frames_per_knot", frames_per_knot, 2)
         self.integrator = integrator
         self.world = World() if world is None else world
         if contact is None and self.world.obstacles:
@@ -122,16 +119,24 @@ class Problem:
         self.periodic = bool(periodic)
         self.stride = finite_array("Problem", "stride", stride, (3,))
         self.internal = InternalForces(
-            number("Problem", "limit", limit), number("Problem", "self_collision", self_collision)
+            non_negative("Problem", "limit", limit),
+            non_negative("Problem", "self_collision", self_collision),
         )
         self.initial: InitialState = parse_initial(model, initial)
+        if self.initial.height is not None and not (
+            free_bases(model) and model.npoints and self.world.obstacles
+        ):
+            raise ArgumentError(
+                f"initial: height = {self.initial.height:g} needs a model with a free base and "
+                "contact points, and a ground below it"
+            )
         self.terms: list[_Term] = []
         self._check_grid()
 
     def _check_grid(self) -> None:
         if self.formulation == "spline":
             per = self.frames_per_knot
-            if per < 1 or self.frames % per != 0 or self.frames < 2 * per:
+            if self.frames % per != 0 or self.frames < 2 * per:
                 raise ArgumentError(
                     f"Problem: {self.frames} frames (duration / dt) must be a multiple of "
                     f"frames_per_knot = {per}, at least twice"
@@ -142,6 +147,11 @@ class Problem:
             raise ArgumentError(
                 "Problem: periodic = True needs formulation 'frames' and an even number of at "
                 f"least 8 frames, not {self.formulation!r} and {self.frames}"
+            )
+        if self.periodic and not np.isclose(self.steps[0], self.steps[-1], rtol=1e-9):
+            raise ArgumentError(
+                "Problem: periodic = True needs a first and a last step of the same length, not "
+                f"{self.steps[0]:g} and {self.steps[-1]:g} s"
             )
 
     @property
@@ -190,6 +200,13 @@ class Problem:
         other.terms = list(self.terms)
         other._check_grid()
         return other
+
+
+def _instance(argument: str, value: Any, kind: type) -> None:
+    if value is not None and not isinstance(value, kind):
+        raise ArgumentTypeError(
+            f"Problem: {argument} must be a {kind.__name__} or None, not {type(value).__name__}"
+        )
 
 
 def _steps(duration: float, dt: Any) -> FloatArray:

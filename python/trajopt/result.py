@@ -25,7 +25,6 @@ def build_solution(
     core: Any,
     state: FloatArray,
     stage: Stage,
-    initial: FloatArray,
     **report: Any,
 ) -> Solution:
     """Return the motion of a core state with all that is reported of it.
@@ -39,8 +38,6 @@ def build_solution(
         The core's state.
     stage : Stage
         Whose contact law the motion obeys.
-    initial : (2, D) array
-        Frames -1 and 0 [m, rad].
     **report
         Further fields of `Solution`.
     """
@@ -64,12 +61,10 @@ def build_solution(
         world=problem.world,
         contact=None
         if law is None
-        else Contact(
-            law.normal, law.friction, law.damping, law.model, law.mu, law.slip_velocity
-        ),
+        else Contact(law.normal, law.friction, law.damping, law.model, law.mu, law.slip_velocity),
         integrator=problem.integrator,
         u=evaluation["torque"] * scales.generalized_force[model.actuated],
-        control_points=_control_points(transcription, x),
+        control_points=_control_points(transcription, x, state),
         contact_forces=forces[2:],
         contact_points=points[2:],
         center_of_mass=model.center_of_mass(frames),
@@ -106,13 +101,20 @@ def _contact_forces(
     )
 
 
-def _control_points(transcription: Transcription, x: FloatArray) -> FloatArray:
-    """Pose and velocity at the knots (Z, 2, D): every frames_per_knot frames."""
+def _control_points(transcription: Transcription, x: FloatArray, state: FloatArray) -> FloatArray:
+    """Pose and velocity at the knots (Z, 2, D): every frames_per_knot frames.
+
+    The spline's own where there is one; else velocities by central differences.
+    """
     problem = transcription.problem
     per = problem.frames_per_knot
     knots = np.arange(per + 1, len(x), per)
     if len(knots) == 0:
         return np.zeros((0, 2, problem.model.ndof))
+    if problem.formulation == "spline":
+        scaled = state[-len(knots) * problem.model.ndof :].reshape(len(knots), -1)
+        velocity = scaled * transcription.scales.coordinate / (per * problem.steps[0])
+        return np.stack([x[knots], velocity], axis=1)
     before = problem.model.difference(x[knots - 1], x[knots])
     step = problem.steps[knots - 2][:, None]
     after_index = np.minimum(knots + 1, len(x) - 1)

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
-from trajopt.checks import non_negative, positive
+from trajopt.checks import choice, non_negative, positive, whole
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
+from trajopt.interrupt import InterruptFlag
 from trajopt.methods import METHODS, paper_problem, run_core
 from trajopt.records import IterationRecord
 from trajopt.refinement import interval_errors, refine_until
@@ -29,6 +30,7 @@ __all__ = ["Stage", "solve"]
 FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 1000
+ORDERINGS = ("auto", "sequential", "cyclic", "chunked")
 
 
 @dataclass
@@ -40,12 +42,12 @@ class _Run:
     seed: int
     method: str
     ordering: str
+    interrupt: InterruptFlag
     history: list[IterationRecord] = field(default_factory=list)
     iterations: int = 0
     started: float = field(default_factory=time.perf_counter)
     stage_index: int = 0
     stage: Stage = field(default_factory=Stage)
-    initial: FloatArray = field(default_factory=lambda: np.zeros((2, 0)))
 
     def observer(self, core: Any) -> Callable[[dict[str, Any], FloatArray], bool]:
         """Turn the core's records into ours, number them through, ask the callback."""
@@ -72,9 +74,12 @@ class _Run:
                     core, state, Status.INTERRUPTED, "checkpoint", self.stage
                 ),
             )
-            stop = self.callback(record) if self.callback is not None else False
             self.history.append(IterationRecord.from_dict(record.to_dict()))
-            return stop is not True
+            try:
+                stop = self.callback(record) if self.callback is not None else False
+            except KeyboardInterrupt:
+                stop = True
+            return stop is not True and not self.interrupt.raised
 
         return observe
 
@@ -87,7 +92,6 @@ class _Run:
             core,
             state,
             stage,
-            initial=self.initial,
             status=status,
             message=message,
             iterations=len(self.history),
@@ -163,32 +167,28 @@ def solve(
     ArgumentError, DeviceError
         Bad arguments, before any work starts.
     """
-    if method not in METHODS:
-        raise ArgumentError(f"solve: method = {method!r}, expected one of {', '.join(METHODS)}")
+    _check_problem(problem, warm_start, callback)
+    choice("solve", "method", method, METHODS)
+    choice("solve", "ordering", ordering, ORDERINGS)
     if device not in ("auto", "cpu"):
         raise DeviceError(f"solve: device = {device!r}, but this build has the CPU backend only")
-    if threads is not None and (not isinstance(threads, int) or threads < 1):
-        raise ArgumentError(f"solve: threads must be a whole number >= 1, not {threads!r}")
-    if max_iterations is not None and (not isinstance(max_iterations, int) or max_iterations < 1):
-        raise ArgumentError(
-            f"solve: max_iterations must be a whole number >= 1, not {max_iterations!r}"
-        )
+    if threads is not None:
+        whole("solve", "threads", threads, 1)
+    if max_iterations is not None:
+        whole("solve", "max_iterations", max_iterations, 1)
+    whole("solve", "seed", seed, 0)
+    whole("solve", "max_refinements", max_refinements, 0)
     positive("solve", "tolerance", tolerance)
     positive("solve", "constraint_tolerance", constraint_tolerance)
     non_negative("solve", "noise", noise)
-    if refine is not None:
-        positive("solve", "refine", refine)
     if method == "paper":
         problem = paper_problem(problem)
-
-    run = _Run(
-        Transcription(problem, threads or _core.hardware_threads()),
-        callback,
-        seed,
-        method,
-        ordering,
-    )
-    passes = list(enumerate(METHODS[method].stages if stages is None else stages))
+    if refine is not None:
+        positive("solve", "refine", refine)
+        if problem.formulation != "frames" or problem.periodic:
+            kind = "periodic" if problem.periodic else problem.formulation
+            raise ArgumentError(f"solve: refine needs frames that are not periodic, not {kind}")
+    passes = list(enumerate(_stages(METHODS[method].stages if stages is None else stages)))
     if warm_start is not None and stages is None:
         passes = _remaining(passes, warm_start)
     limit = MAX_ITERATIONS if max_iterations is None else max_iterations
@@ -198,10 +198,35 @@ def solve(
         "objective_tolerance": tolerance,
         "ordering": ordering,
     }
-    solution = _run_stages(run, passes, guess, limit, noise, options)
-    if refine is not None:
-        solution = _refine(run, solution, refine, max_refinements, limit, options)
+    with InterruptFlag() as interrupt:
+        transcription = Transcription(problem, threads or _core.hardware_threads())
+        run = _Run(transcription, callback, seed, method, ordering, interrupt)
+        solution = _run_stages(run, passes, guess, limit, noise, options)
+        if refine is not None:
+            solution = _refine(run, solution, refine, max_refinements, limit, options)
     return solution
+
+
+def _check_problem(problem: Any, warm_start: Any, callback: Any) -> None:
+    from trajopt.problem import Problem
+    from trajopt.solution import Solution
+
+    if not isinstance(problem, Problem):
+        raise ArgumentTypeError(f"solve: problem must be a Problem, not {type(problem).__name__}")
+    if warm_start is not None and not isinstance(warm_start, Solution):
+        raise ArgumentTypeError(
+            f"solve: warm_start must be a Solution, not {type(warm_start).__name__}"
+        )
+    if callback is not None and not callable(callback):
+        raise ArgumentTypeError(f"solve: callback must be callable, not {callback!r}")
+    if not any(getattr(term, "weight", 1.0) > 0 for term in problem.terms):
+        raise ArgumentError("Problem: no objective term with a weight > 0; add one with add()")
+
+
+def _stages(stages: Sequence[Stage]) -> Sequence[Stage]:
+    if not stages or not all(isinstance(stage, Stage) for stage in stages):
+        raise ArgumentTypeError(f"solve: stages must be a list of Stage, not {stages!r}")
+    return stages
 
 
 def _refine(
@@ -222,9 +247,13 @@ def _refine(
         guess = _resample(run.transcription.problem, best)
         last = [(run.stage_index, run.stage)]
         found = _run_stages(run, last, guess, max(limit, len(run.history) + 1), 0.0, options)
-        if found.status is Status.SOLVED:
-            best = found
-        return found.status is Status.SOLVED
+        if found.status is not Status.SOLVED:
+            best.message += (
+                f"; refined to {len(steps)} frames it ended as {found.status}, and was dropped"
+            )
+            return False
+        best = found
+        return True
 
     if solution.status is Status.SOLVED:
         refine_until(
@@ -249,10 +278,10 @@ def _run_stages(
     transcription = run.transcription
     for index, stage in passes:
         run.stage_index, run.stage = index, stage
-        run.initial = transcription.initial_frames(stage)
-        core = transcription.core_problem(stage, run.initial)
+        initial = transcription.initial_frames(stage)
+        core = transcription.core_problem(stage, initial)
         if guess is None:
-            frames = np.tile(run.initial[1], (transcription.problem.frames, 1))
+            frames = transcription.still(initial)
             state = core.state_from_frames(transcription.to_core(frames))
             rng = np.random.default_rng(run.seed)
             state = _perturb(transcription, core, state, transcription.noise(rng, noise))
@@ -286,9 +315,7 @@ def _perturb(
     return np.asarray(core.retract(state, step.ravel()))
 
 
-def _remaining(
-    passes: list[tuple[int, Stage]], warm_start: Solution
-) -> list[tuple[int, Stage]]:
+def _remaining(passes: list[tuple[int, Stage]], warm_start: Solution) -> list[tuple[int, Stage]]:
     """Stages still to do: those from an unfinished solve's stage on, else the last."""
     stage = warm_start.settings.get("stage")
     if warm_start.status is not Status.SOLVED and isinstance(stage, int):
@@ -307,7 +334,9 @@ def _resample(problem: Problem, solution: Solution) -> FloatArray:
         )
     if len(solution.times) == problem.frames and np.allclose(solution.times, problem.times):
         return np.array(solution.x)
-    times = np.concatenate([[0.0], solution.times])
-    frames = np.concatenate([solution.initial[:1], solution.x])
+    times, frames = solution.times, solution.x
+    if solution.initial.shape == (2, solution.model.ndof):
+        times = np.concatenate([[0.0], times])
+        frames = np.concatenate([solution.initial[:1], frames])
     curve = Interpolant(solution.model, times, frames)
     return np.asarray(curve(np.minimum(problem.times, times[-1])))

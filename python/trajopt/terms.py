@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from trajopt import _core
 from trajopt.checks import finite_array, non_negative, number
-from trajopt.errors import ArgumentError
+from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.model import BALL, SLIDE
 
 if TYPE_CHECKING:
     from trajopt.model import Model
     from trajopt.scaling import Scales
 
-__all__ = ["TermBuilder"]
+__all__ = ["TermBuilder", "has_free_base"]
 
 FloatArray = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class TermBuilder:
 
     def all_frames(self, weight: float) -> FloatArray:
         """Weights whose sum over a constant residual is `weight`."""
-        return weight * self._share
+        return np.asarray(weight * self._share)
 
     def at_times(self, owner: str, time: Any, weight: float) -> FloatArray:
         """Weights on the frames nearest to `time` (float or sequence), or on all frames."""
@@ -86,7 +87,7 @@ class TermBuilder:
                 f"{owner}: start = {start:g} s lies behind the end at {self.times[-1]:g} s"
             )
         share = self._share * counts
-        return weight * share / share.sum()
+        return np.asarray(weight * share / share.sum())
 
     def last_frames(self, count: int, weight: float) -> FloatArray:
         """`weight` on each of the last `count` frames."""
@@ -95,7 +96,7 @@ class TermBuilder:
         return out
 
     def _indices(self, owner: str, time: Any) -> NDArray[np.intp]:
-        wanted = np.atleast_1d(np.asarray(time, dtype=np.float64))
+        wanted = finite_array(owner, "time", np.atleast_1d(_numbers(owner, "time", time)), (None,))
         half = 0.51 * (self.times[-1] - self.times[0]) / max(self.frames - 1, 1)
         for t in wanted:
             if not self.times[0] - half <= t <= self.times[-1] + half:
@@ -103,7 +104,7 @@ class TermBuilder:
                     f"{owner}: time = {t:g} s lies outside the motion, "
                     f"which lasts from 0 to {self.times[-1]:g} s"
                 )
-        return np.argmin(np.abs(self.times[None] - wanted[:, None]), axis=1)
+        return np.asarray(np.argmin(np.abs(self.times[None] - wanted[:, None]), axis=1))
 
     # ---- targets ---------------------------------------------------------------------------------
 
@@ -111,7 +112,7 @@ class TermBuilder:
         self, owner: str, position: Any, time: Any, weight: float
     ) -> tuple[FloatArray, FloatArray]:
         """Weights (N,) and scaled positions (N, 3) of a target, or of K targets at K times."""
-        array = np.asarray(position, dtype=np.float64)
+        array = _numbers(owner, "position", position)
         shape: tuple[int | None, ...] = (3,) if array.ndim == 1 else (None, 3)
         array = finite_array(owner, "position", position, shape) / self.scales.length
         target = np.zeros((self.frames, 3))
@@ -125,7 +126,8 @@ class TermBuilder:
     def _matching(self, owner: str, time: Any, count: int, what: str) -> NDArray[np.intp]:
         if time is None or np.size(time) != count:
             raise ArgumentError(
-                f"{owner}: {count} {what} need as many times, got {0 if time is None else np.size(time)}"
+                f"{owner}: {count} {what} need as many times, "
+                f"got {0 if time is None else np.size(time)}"
             )
         return self._indices(owner, time)
 
@@ -136,9 +138,8 @@ class TermBuilder:
         names = list(self.model.dof_names)
         count = self.model.actuated.astype(float)
         if keep_height:  # all but place in the plane and heading
-            free = np.flatnonzero(~self.model.actuated)
             count = np.ones(self.model.ndof)
-            count[free[[0, 1, 5]] if len(free) >= 6 else []] = 0
+            count[[0, 1, 5] if has_free_base(self.model) else []] = 0
         if isinstance(pose, str):
             if pose != "initial":
                 raise ArgumentError(f"{owner}: pose = {pose!r}, expected an array or 'initial'")
@@ -150,10 +151,15 @@ class TermBuilder:
             dofs = list(pose) if dofs is None else dofs
             array = array[None]
         else:
-            one = np.ndim(pose) == 1
+            one = _numbers(owner, "pose", pose).ndim == 1
             shape = (self.model.ndof,) if one else (None, self.model.ndof)
             array = np.atleast_2d(finite_array(owner, "pose", pose, shape))
         if dofs is not None:
+            dofs = [dofs] if isinstance(dofs, str) else list(dofs)
+            if not dofs:
+                raise ArgumentError(
+                    f"{owner}: names no coordinate; the model has {', '.join(names)}"
+                )
             count = np.zeros(self.model.ndof)
             for name in dofs:
                 count[self._dof(owner, names, name)] = 1
@@ -179,7 +185,8 @@ class TermBuilder:
     @property
     def initial_center_of_mass(self) -> FloatArray:
         """Center of mass of the settled pose, scaled (3,)."""
-        return np.asarray(self.core.center_of_mass(self._scaled(self._initial[None])))[0]
+        scaled = self._scaled(self._initial[None])
+        return np.asarray(self.core.center_of_mass(scaled)[0])
 
     def body_point(self, owner: str, body: str, point: Any) -> tuple[int, FloatArray]:
         """Joint that carries a body's point, and the point in the joint's frame, scaled."""
@@ -237,10 +244,27 @@ class TermBuilder:
         """Add a user's residual."""
         from trajopt.traced import TracedResidual
 
-        traced = TracedResidual(name, function, self.model, self.core, self.scales, self.frames)
-        self.objective.add_callback(
-            name, traced.rows, weight * self.factor / self.frames, traced.evaluate
-        )
+        share = self.all_frames(weight * self.factor)
+        traced = TracedResidual(name, function, self.model, self.core, self.scales, share)
+        self.objective.add_callback(self._label, traced.rows, 1.0, traced.evaluate)
 
     def _scaled(self, x: FloatArray) -> FloatArray:
         return x / self.scales.coordinate
+
+
+def has_free_base(model: Model) -> bool:
+    """Return whether the first six coordinates are an unactuated free base."""
+    return (
+        model.ndof >= 6
+        and list(model.joint_type[:4]) == [SLIDE, SLIDE, SLIDE, BALL]
+        and not model.actuated[:6].any()
+    )
+
+
+def _numbers(owner: str, argument: str, value: Any) -> FloatArray:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentTypeError(
+            f"{owner}: {argument} must be an array of numbers, not {value!r}"
+        ) from error

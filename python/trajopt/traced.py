@@ -25,6 +25,8 @@ FloatArray = NDArray[np.float64]
 class TracedResidual:
     """Values and derivatives of ``f(x2, x1, x)`` over N frames, in the core's tangent.
 
+    Rows are scaled by the roots of the weights, so that their sum of squares is the term's cost.
+
     Parameters
     ----------
     name : str
@@ -33,8 +35,8 @@ class TracedResidual:
     model : Model
     core : _core.Model
     scales : Scales
-    frames : int
-        N.
+    weight : (N,) array
+        Weight of every frame's squared residual.
     """
 
     def __init__(
@@ -44,15 +46,14 @@ class TracedResidual:
         model: Model,
         core: Any,
         scales: Scales,
-        frames: int,
+        weight: FloatArray,
     ) -> None:
         try:
             import casadi
         except ImportError as error:
-            raise MissingDependencyError(
-                "Residual needs CasADi: pip install 'contact-trajopt[casadi]'"
-            ) from error
-        self._core, self._scales, self._frames = core, scales, frames
+            raise MissingDependencyError("casadi", "Residual", extra="casadi") from error
+        self._core, self._scales = core, scales
+        self._frames, self._root = len(weight), np.sqrt(weight)[:, None]
         self._nq = core.nq
         self._balls = ball_slices(model)
         nodes = [casadi.SX.sym(label, model.ndof) for label in ("x2", "x1", "x")]
@@ -72,8 +73,9 @@ class TracedResidual:
         self.rows = int(rows.shape[0])
         newest_first = casadi.vertcat(*nodes[::-1])
         value = casadi.Function("value", nodes, [rows])
-        both = casadi.Function("both", nodes, [rows, casadi.densify(casadi.jacobian(rows, newest_first))])
-        self._value, self._both = value.map(frames), both.map(frames)
+        jacobian = casadi.densify(casadi.jacobian(rows, newest_first))
+        both = casadi.Function("both", nodes, [rows, jacobian])
+        self._value, self._both = value.map(self._frames), both.map(self._frames)
 
     def evaluate(self, address: int, derivatives: bool) -> tuple[FloatArray, ...]:
         """Return residuals (N, rows) and, if asked, their Jacobians (N, rows, 3 D)."""
@@ -82,7 +84,7 @@ class TracedResidual:
         x = _core.configuration_to_vector(self._core, q) * self._scales.coordinate
         arguments = (x[:-2].T, x[1:-1].T, x[2:].T)
         if not derivatives:
-            return (np.ascontiguousarray(np.asarray(self._value(*arguments)).T),)
+            return (np.ascontiguousarray(self._root * np.asarray(self._value(*arguments)).T),)
         value, jacobian = (np.asarray(part) for part in self._both(*arguments))
         d = x.shape[1]
         # CasADi puts the frames' Jacobians side by side: (rows, N * 3 D).
@@ -94,4 +96,5 @@ class TracedResidual:
                     frames[:, where]
                 )
             blocks[:, :, node] *= self._scales.coordinate
-        return np.ascontiguousarray(value.T), blocks.reshape(n, self.rows, 3 * d)
+        blocks *= self._root[:, :, None, None]
+        return np.ascontiguousarray(self._root * value.T), blocks.reshape(n, self.rows, 3 * d)

@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trajopt import _core
-from trajopt.errors import ArgumentError
+from trajopt.checks import positive, whole
+from trajopt.model import SLIDE
 from trajopt.physics import make_physics
 from trajopt.scaling import Scales
-from trajopt.settle import ground_gap, settle, warn_of_gap
+from trajopt.settle import free_bases, ground_gap, lower, settle, warn_of_gap, warn_of_unrest
 from trajopt.terms import TermBuilder
 
 if TYPE_CHECKING:
+    from trajopt.model import Model
     from trajopt.problem import Problem
     from trajopt.world import ResolvedContact
 
@@ -37,11 +39,22 @@ class Stage:
         Fractions of the final normal stiffness, and of the final ratio of friction to stiffness.
     iterations : int or None
         Limit of this pass; None is the solver's.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        If a fraction is not a number > 0, or the limit not a whole number.
     """
 
     stiffness: float = 1.0
     friction: float = 1.0
     iterations: int | None = None
+
+    def __post_init__(self) -> None:
+        positive("Stage", "stiffness", self.stiffness)
+        positive("Stage", "friction", self.friction)
+        if self.iterations is not None:
+            whole("Stage", "iterations", self.iterations, 1)
 
 
 class Transcription:
@@ -76,7 +89,7 @@ class Transcription:
         other._place = self._place
         return other
 
-    # ---- contact and start -------------------------------------------------------------------------
+    # ---- contact and start -----------------------------------------------------------------------
 
     def staged_contact(self, stage: Stage) -> ResolvedContact | None:
         """Contact law of a stage, SI."""
@@ -108,18 +121,22 @@ class Transcription:
         free = np.flatnonzero(~model.actuated)
         physics = self.physics(stage)
         gap = ground_gap(model, problem.world, pose)
-        vertical = _vertical_slide(model)
-        grounded = problem.initial.height is None and self.contact is not None
-        if problem.initial.height is not None and gap is not None and vertical is not None:
-            pose[vertical] += problem.initial.height - gap
-        elif grounded and gap is not None and vertical is not None and len(free) >= 6:
+        bases = list(free_bases(model))
+        first = self._place is None
+        if problem.initial.height is not None and gap is not None:
+            pose[bases] += problem.initial.height - gap
+        elif self.contact is not None and gap is not None and not bases:
+            if first:
+                warn_of_gap(model, gap, movable=False)
+                self._place = pose
+        elif self.contact is not None and gap is not None:
             if self._place is None:
                 warn_of_gap(model, gap)
                 weight = self.scales.force / max(len(model.support_points), 1)
                 contact = self.staged_contact(stage)
                 stiffness = contact.normal if contact is not None else 0.0
                 sink = np.sqrt(weight / stiffness) if stiffness > 0 else 0.0
-                pose[vertical] -= gap + min(sink, 0.2 * model.length)
+                pose = lower(model, problem.world, pose, min(sink, 0.2 * model.length))
             else:
                 pose = self._place
             scaled, self.settle_residual = settle(
@@ -127,25 +144,22 @@ class Transcription:
             )
             pose = scaled * self.scales.coordinate
             self._place = pose
+            if first:
+                warn_of_unrest(self.settle_residual)
         before = pose
         if np.any(problem.initial.velocity):
             # x_{-1} = x_0 - h v + h^2/2 a would need the unknown start acceleration; first order.
             before = model.integrate(pose, -problem.steps[0] * problem.initial.velocity)
         return np.stack([before, pose])
 
-    # ---- objective ---------------------------------------------------------------------------------
+    # ---- objective -------------------------------------------------------------------------------
 
     def _builder(self, initial: FloatArray) -> TermBuilder:
         problem = self.problem
         builder = TermBuilder(
             problem.model, self.core, self.scales, problem.times, problem.steps, initial
         )
-        counts: dict[str, int] = {}
-        for term in problem.terms:
-            label = getattr(term, "name", _snake_case(type(term).__name__))
-            counts[label] = counts.get(label, 0) + 1
-            if counts[label] > 1:
-                label = f"{label} {counts[label]}"
+        for label, term in zip(self._labels(), problem.terms, strict=True):
             builder.start(label, self.factors.get(label, 1.0))
             term.emit(builder)
         return builder
@@ -154,9 +168,7 @@ class Transcription:
         """Scale every task so that it costs its weight on the initial guess (Pan section 8)."""
         if self.factors:
             return
-        if not any(getattr(t, "weight", 1.0) > 0 for t in self.problem.terms):
-            raise ArgumentError("Problem: no objective term with a weight > 0; add one with add()")
-        guess = np.tile(initial[1], (self.problem.frames, 1))
+        guess = self.still(initial)
         core = self._core_problem(Stage(), initial, self._builder(initial[1]).objective)
         values = dict(zip(*self._term_values(core, guess), strict=True))
         tasks = {
@@ -182,7 +194,7 @@ class Transcription:
         state = core.state_from_frames(self.to_core(guess))
         return self.term_names, list(core.evaluate(state)["terms"])
 
-    # ---- core problem ------------------------------------------------------------------------------
+    # ---- core problem ----------------------------------------------------------------------------
 
     def core_problem(self, stage: Stage, initial: FloatArray) -> Any:
         """`_core.TrajectoryProblem` of a stage; `initial` holds frames -1 and 0 in SI."""
@@ -209,6 +221,16 @@ class Transcription:
             threads=self.threads,
         )
 
+    def still(self, initial: FloatArray) -> FloatArray:
+        """Frames 1..N [m, rad] that rest in frame 0; a gait with a stride glides by it."""
+        problem = self.problem
+        frames = np.tile(initial[1], (problem.frames, 1))
+        if problem.periodic:
+            moved = _leading_slides(problem.model)
+            share = problem.times[:, None] / problem.duration
+            frames[:, :moved] += share * problem.stride[:moved]
+        return frames
+
     def noise(self, rng: np.random.Generator, amplitude: float) -> FloatArray:
         """Smooth random motion (N, D), scaled: leaves the symmetric saddle a settled start is."""
         problem = self.problem
@@ -233,12 +255,13 @@ class Transcription:
         return x
 
 
+def _leading_slides(model: Model) -> int:
+    """Return how many of the first three coordinates are slides: those a stride moves."""
+    count = 0
+    while count < min(3, len(model.joint_type)) and model.joint_type[count] == SLIDE:
+        count += 1
+    return count
+
+
 def _snake_case(name: str) -> str:
     return "".join(("_" if c.isupper() and i else "") + c.lower() for i, c in enumerate(name))
-
-
-def _vertical_slide(model: Any) -> int | None:
-    """Index of the base's vertical slide, the third coordinate of a free base."""
-    if model.ndof >= 6 and list(model.joint_type[:4]) == [0, 0, 0, 2] and not model.actuated[2]:
-        return 2
-    return None

@@ -181,6 +181,10 @@ class Contact:
             value = getattr(self, argument)
             if value is not None:
                 object.__setattr__(self, argument, _number("Contact", argument, value, 0.0))
+        if self.normal == 0 and self.friction:
+            raise ArgumentError(
+                f"Contact: friction = {self.friction:g} needs a normal stiffness > 0, not 0"
+            )
         if self.model not in ("smooth", "coulomb"):
             raise ArgumentError(f"Contact: model must be smooth or coulomb, not {self.model!r}")
         object.__setattr__(self, "mu", _number("Contact", "mu", self.mu, 0.0))

@@ -1,0 +1,48 @@
+"""Ctrl-C as a request: the solver finishes its iteration and keeps the best iterate."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any
+
+__all__ = ["InterruptFlag"]
+
+
+class InterruptFlag:
+    """While active, the first Ctrl-C sets `raised`; the second one raises `KeyboardInterrupt`.
+
+    Outside of the main thread, where Python takes no signals, it does nothing.
+
+    Examples
+    --------
+    >>> with InterruptFlag() as flag:
+    ...     signal.raise_signal(signal.SIGINT)
+    ...     print(flag.raised)
+    True
+    """
+
+    def __init__(self) -> None:
+        self.raised = False
+        self._before: Any = None
+
+    def __enter__(self) -> InterruptFlag:
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.getsignal(signal.SIGINT)
+            signal.signal(signal.SIGINT, self._take)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+
+    def _take(self, _number: int, _frame: FrameType | None) -> None:
+        if self.raised:
+            raise KeyboardInterrupt
+        self.raised = True
