@@ -182,7 +182,7 @@ def _contacts(solution: Solution, jumps: list[Any]) -> dict[str, Figure]:
     counted = counted or {"whole character": np.sum(state.normal_force, axis=1)}
     changes = {foot: count_changes(value, state.body_weight) for foot, value in counted.items()}
     duration = float(state.times[-1] - state.times[0])
-    required = max(1, math.floor(CHANGES_PER_SECOND * duration))
+    required = max(1, math.floor(CHANGES_PER_SECOND * duration + 1e-6))
     if jumps:
         required = min(required, len(jumps))
     return {

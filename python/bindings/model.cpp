@@ -66,16 +66,16 @@ Model make_model(const IntArray& joint_type, const IntArray& joint_parent, const
   require_shape(sphere_position, {spheres, 3}, "sphere_position");
   require_shape(sphere_radius, {spheres}, "sphere_radius");
   require_shape(sphere_pairs, {-1, 2}, "sphere_pairs");
+  for (long i = 0; i < spheres; ++i)
+    model.spheres.push_back(
+        sphere(sphere_joint.at(i), sphere_position, sphere_radius, i, "sphere_joint"));
   for (long i = 0; i < sphere_pairs.shape(0); ++i) {
-    SpherePair pair;
-    for (int e = 0; e < 2; ++e) {
-      const int k = sphere_pairs.at(i, e);
+    const SpherePair pair{sphere_pairs.at(i, 0), sphere_pairs.at(i, 1)};
+    for (int k : {pair.a, pair.b}) {
       if (k < 0 || k >= spheres) {
         throw ArgumentError("sphere_pairs[" + std::to_string(i) + "] = " + std::to_string(k) +
                             ": expected a sphere index below " + std::to_string(spheres));
       }
-      (e == 0 ? pair.a : pair.b) =
-          sphere(sphere_joint.at(k), sphere_position, sphere_radius, k, "sphere_joint");
     }
     model.pairs.push_back(pair);
   }

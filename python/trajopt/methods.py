@@ -31,8 +31,8 @@ METHODS = {
     # last stage is the user's ground.
     "default": Method(
         (
-            Stage(stiffness=1 / 50, friction=0.2, iterations=150),
-            Stage(stiffness=1 / 7, friction=0.5, iterations=150),
+            Stage(stiffness=1 / 50, friction=0.2, iterations=120),
+            Stage(stiffness=1 / 7, friction=0.5, iterations=80),
             Stage(),
         )
     ),

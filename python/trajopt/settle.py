@@ -51,7 +51,7 @@ def free_bases(model: Model) -> dict[int, NDArray[np.intp]]:
         if parent >= 0:
             root[j] = root[parent]
     out = {}
-    for j in np.flatnonzero(parents < 0):
+    for j in map(int, np.flatnonzero(parents < 0)):
         first = int(model.joint_dof[j])
         free = not model.actuated[first : first + 6].any()
         if kinds[j : j + 4] == [SLIDE, SLIDE, SLIDE, BALL] and free:

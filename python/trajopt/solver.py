@@ -112,7 +112,7 @@ def solve(
     warm_start: Solution | None = None,
     seed: int = 0,
     threads: int | None = None,
-    tolerance: float = 1e-3,
+    tolerance: float = 2e-3,
     constraint_tolerance: float = 1e-9,
     noise: float = 1e-3,
     stages: Sequence[Stage] | None = None,

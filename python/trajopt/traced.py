@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -58,7 +59,9 @@ class TracedResidual:
         self._balls = ball_slices(model)
         nodes = [casadi.SX.sym(label, model.ndof) for label in ("x2", "x1", "x")]
         try:
-            result = function(*nodes)
+            with warnings.catch_warnings():  # CasADi announces its NumPy support to every user
+                warnings.simplefilter("ignore", FutureWarning)
+                result = function(*nodes)
             rows = casadi.vertcat(*result) if isinstance(result, (list, tuple)) else result
             rows = casadi.SX(rows)
         except Exception as error:

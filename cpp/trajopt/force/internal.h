@@ -27,37 +27,44 @@ TRAJOPT_HD inline void add_joint_limits(const ModelView& model, const Physics& p
 
 template <class S>
 struct Overlap {  // of one sphere pair: E = w depth^3
-  Vec3<S> a, b, direction;  // centres; unit vector from b to a
+  Vec3<S> direction;  // unit vector from b to a
   S distance, depth;
 };
 
+// False when no lane's spheres overlap: most pairs leave here, before any square root.
 template <class S>
-TRAJOPT_HD inline Overlap<S> sphere_overlap(const SpherePair& pair, const Transform<S>* joints) {
-  Overlap<S> o;
-  o.a = apply(joints[pair.a.joint], broadcast3<S>(pair.a.position));
-  o.b = apply(joints[pair.b.joint], broadcast3<S>(pair.b.position));
-  const Vec3<S> r = o.a - o.b;
-  o.distance = max(sqrt(dot(r, r)), S(1e-12));  // coincident centres push along no direction
+TRAJOPT_HD inline bool sphere_overlap(const ModelView& model, const SpherePair& pair,
+                                      const Vec3<S>* centers, Overlap<S>& o) {
+  const double reach = model.spheres[pair.a].radius + model.spheres[pair.b].radius;
+  const Vec3<S> r = centers[pair.a] - centers[pair.b];
+  const S distance2 = dot(r, r);
+  if (!any(distance2 < S(reach * reach))) return false;
+  o.distance = max(sqrt(distance2), S(1e-12));  // coincident centres push along no direction
   o.direction = (S(1.0) / o.distance) * r;
-  o.depth = max(S(pair.a.radius + pair.b.radius) - o.distance, S(0.0));
-  return o;
+  o.depth = max(S(reach) - o.distance, S(0.0));
+  return true;
 }
 
 template <class S>
 TRAJOPT_HD inline void add_self_collision_wrenches(const ModelView& model, const Physics& physics,
                                                    int a, DynamicsWorkspace<S>& ws) {
+  for (int k = 0; k < model.nsphere; ++k) {
+    ws.spheres[k] = apply(ws.joints[a][model.spheres[k].joint],
+                          broadcast3<S>(model.spheres[k].position));
+  }
   for (int k = 0; k < model.npair; ++k) {
     const SpherePair& pair = model.pairs[k];
-    const Overlap<S> o = sphere_overlap(pair, ws.joints[a]);
-    if (!any(o.depth > S(0.0))) continue;
+    Overlap<S> o;
+    if (!sphere_overlap(model, pair, ws.spheres, o)) continue;
+    const int ja = model.spheres[pair.a].joint, jb = model.spheres[pair.b].joint;
     const S slope = S(-3.0 * physics.self_collision) * o.depth * o.depth;  // dE/d distance
-    Wrench<S>& wa = ws.wrenches[a][pair.a.joint];
-    Wrench<S>& wb = ws.wrenches[a][pair.b.joint];
+    Wrench<S>& wa = ws.wrenches[a][ja];
+    Wrench<S>& wb = ws.wrenches[a][jb];
     wa.force = fma(slope, o.direction, wa.force);
-    add_outer(wa.moment, slope, o.direction, o.a);
+    add_outer(wa.moment, slope, o.direction, ws.spheres[pair.a]);
     wb.force = fma(-slope, o.direction, wb.force);
-    add_outer(wb.moment, -slope, o.direction, o.b);
-    ws.touched[a][pair.a.joint] = ws.touched[a][pair.b.joint] = 1;
+    add_outer(wb.moment, -slope, o.direction, ws.spheres[pair.b]);
+    ws.touched[a][ja] = ws.touched[a][jb] = 1;
   }
 }
 
@@ -72,16 +79,18 @@ TRAJOPT_HD inline void add_self_collision_stiffness(const ModelView& model, cons
   };
   for (int k = 0; k < model.npair; ++k) {
     const SpherePair& pair = model.pairs[k];
-    const Overlap<S> o = sphere_overlap(pair, ws.joints[node]);
-    if (!any(o.depth > S(0.0))) continue;
+    Overlap<S> o;
+    if (!sphere_overlap(model, pair, ws.spheres, o)) continue;
     const S w = S(physics.self_collision);
     const S slope_over_length = S(-3.0) * w * o.depth * o.depth / o.distance;
     const S along = S(6.0) * w * o.depth - slope_over_length;
     // sign * dP/dx_j for j on either chain; on the shared part both contribute.
     const auto row = [&](int end, int j) {
-      return end == 0 ? point_velocity(twists[j], o.a) : S(-1.0) * point_velocity(twists[j], o.b);
+      return end == 0 ? point_velocity(twists[j], ws.spheres[pair.a])
+                      : S(-1.0) * point_velocity(twists[j], ws.spheres[pair.b]);
     };
-    const int start[2] = {last_dof(pair.a.joint), last_dof(pair.b.joint)};
+    const int start[2] = {last_dof(model.spheres[pair.a].joint),
+                          last_dof(model.spheres[pair.b].joint)};
     for (int e = 0; e < 2; ++e) {
       for (int j = start[e]; j >= 0; j = model.dof_parent[j]) {
         const Vec3<S> rj = row(e, j);

@@ -50,6 +50,7 @@ ModelView view(const Model& m) {
           .nactuated = static_cast<int>(m.actuated.size()),
           .nunactuated = static_cast<int>(m.unactuated.size()),
           .npoint = static_cast<int>(m.points.size()),
+          .nsphere = static_cast<int>(m.spheres.size()),
           .npair = static_cast<int>(m.pairs.size()),
           .mass = m.mass,
           .joints = m.joints.data(),
@@ -60,6 +61,7 @@ ModelView view(const Model& m) {
           .actuated = m.actuated.data(),
           .unactuated = m.unactuated.data(),
           .points = m.points.data(),
+          .spheres = m.spheres.data(),
           .pairs = m.pairs.data()};
 }
 

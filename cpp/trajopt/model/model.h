@@ -36,8 +36,8 @@ struct ContactPoint {  // a sphere; radius 0 for box corners and mesh vertices
   double radius;
 };
 
-struct SpherePair {  // spheres of two links that must not penetrate each other
-  ContactPoint a, b;
+struct SpherePair {  // indices of two spheres that must not penetrate each other
+  int a, b;
 };
 
 struct Model {
@@ -50,12 +50,13 @@ struct Model {
   std::vector<double> lower, upper;
   std::vector<int> actuated, unactuated;  // dof indices
   std::vector<ContactPoint> points;
+  std::vector<ContactPoint> spheres;  // for self collision
   std::vector<SpherePair> pairs;
 };
 
 // What a kernel sees of a Model: plain pointers, also valid on a device.
 struct ModelView {
-  int ndof, nq, njoint, nactuated, nunactuated, npoint, npair;
+  int ndof, nq, njoint, nactuated, nunactuated, npoint, nsphere, npair;
   double mass;
   const Joint* joints;
   const int* dof_joint;
@@ -65,6 +66,7 @@ struct ModelView {
   const int* actuated;
   const int* unactuated;
   const ContactPoint* points;
+  const ContactPoint* spheres;
   const SpherePair* pairs;
 };
 

@@ -6,6 +6,12 @@
 
 namespace trajopt {
 
+namespace {
+
+constexpr double kRefineTolerance = 1e-12;  // of the residual relative to the right-hand side
+
+}  // namespace
+
 using linalg::Factorization;
 using linalg::Ordering;
 
@@ -147,17 +153,19 @@ void KktSystem::factor(double epsilon) {
   }
 }
 
-void KktSystem::solve(std::vector<double>& rhs, int m) {
+void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
   if (ring_) {
-    solve_ring(rhs, m);
+    solve_ring(rhs, m, refinements);
     return;
   }
-  rhs_copy_ = rhs;
+  if (refinements > 0) rhs_copy_ = rhs;
   factorization_->solve(rhs.data(), m, threads_);
-  factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, 2, 1e-13, threads_);
+  if (refinements == 0) return;
+  factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,
+                         threads_);
 }
 
-void KktSystem::solve_ring(std::vector<double>& rhs, int m) {
+void KktSystem::solve_ring(std::vector<double>& rhs, int m, int refinements) {
   // BorderedFactorization::refine would keep the epsilon of the border's own multipliers.
   const long n = rows(), chain = matrix_.rows();
   std::vector<double> b(n), x, r, before;
@@ -167,7 +175,7 @@ void KktSystem::solve_ring(std::vector<double>& rhs, int m) {
     bordered_->solve(x.data(), x.data() + chain, 1, threads_);
     const double size = linalg::largest_magnitude(b.data(), n, 1, 1);
     linalg::refine_loop(
-        2, 1e-13,
+        refinements, kRefineTolerance,
         [&] {
           multiply(x, r);
           for (long i = 0; i < n; ++i) r[i] = b[i] - r[i];

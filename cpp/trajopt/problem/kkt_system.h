@@ -35,9 +35,9 @@ class KktSystem {
   // Factors with -epsilon on the multiplier diagonal; throws FactorizationError.
   void factor(double epsilon);
 
-  // Solves in place for m right-hand sides, rhs (rows, m) row-major, refined against the matrix
-  // without epsilon.
-  void solve(std::vector<double>& rhs, int m);
+  // Solves in place for m right-hand sides, rhs (rows, m) row-major, with up to `refinements`
+  // corrections against the matrix without epsilon.
+  void solve(std::vector<double>& rhs, int m, int refinements = 2);
 
   // y = K x for the assembled matrix.
   void multiply(const std::vector<double>& x, std::vector<double>& y) const;
@@ -52,7 +52,7 @@ class KktSystem {
   void assemble_frames(const Linearization& lin, double damping, bool identity);
   void assemble_spline(const Linearization& lin, double damping, bool identity);
   void add_constraints_spline(const Linearization& lin);
-  void solve_ring(std::vector<double>& rhs, int m);
+  void solve_ring(std::vector<double>& rhs, int m, int refinements);
   // Adds rows x columns block at (node row, local row), (node column, local column) of the lower
   // triangle (wrapping into the border for a ring).
   void put(int row_node, int row, int column_node, int column, int rows, int columns,

@@ -18,6 +18,8 @@ constexpr double kObjectiveShare = 0.1;  // of the tangential decrease: below it
 constexpr double kRestore = 0.1;        // least relative decrease of |C| by a restoring step
 constexpr int kMaxRestorations = 30;
 constexpr double kMaxRestorationDamping = 1e8;
+constexpr double kShrink = 0.5;          // of the damping after the best of steps
+constexpr double kFlat = 1e-2;           // share of the tolerance a single step may be short of
 constexpr double kMeritFactor = 2;       // weight of |C|_inf over the largest multiplier
 constexpr double kMeritShare = 0.1;
 constexpr int kMaxRounds = 3;          // of descent and restoration
@@ -185,7 +187,7 @@ class FunnelSolver {
         const long c = static_cast<long>(i) * kkt_.dual() + k;
         rhs_[kkt_.offset(i) + k] = -(trial_.constraint[c] - (1 - zeta) * current_.constraint[c]);
       }
-    kkt_.solve(rhs_, 1);
+    kkt_.solve(rhs_, 1, 0);  // a correction need not be exact
     for (long r = 0; r < kkt_.rows(); ++r) d[r] += rhs_[r];
     record_.seconds.solve += watch_.lap();
   }
@@ -219,13 +221,17 @@ class FunnelSolver {
       d = std::move(corrected);
     }
 
+    // At the optimum nothing is left to gain, and what differs is rounding: no step is acceptable.
+    flat_ = finite && damping_ <= options_.damping && current_.constraint_norm <= floor() &&
+            tangential_decrease <=
+                kFlat * options_.objective_tolerance * std::abs(current_.objective);
     const bool accepted = finite && accept(predicted, tangential_decrease, zeta);
     record_.accepted = accepted;
     record_.damping = damping_;
     if (accepted) {
       const double rho = std::min(record_.gain_ratio, 1.0);
       const double cube = (2 * rho - 1) * (2 * rho - 1) * (2 * rho - 1);
-      damping_ = std::max(damping_ * std::max(0.2, 1 - cube), kMinDamping);
+      damping_ = std::max(damping_ * std::max(kShrink, 1 - cube), kMinDamping);
       growth_ = 2;
       state_ = trial_state_;
       linearize();
@@ -285,6 +291,7 @@ class FunnelSolver {
 
   // Has the objective stopped falling? With physics still loose, narrows the funnel first.
   bool has_settled() {
+    if (flat_) return true;
     if (!record_.accepted) return false;
     history_.push_back(current_.objective);
     const int window = options_.window;
@@ -387,6 +394,7 @@ class FunnelSolver {
   std::string factor_error_;
   std::optional<Result> stop_;
   int iteration_ = 0;
+  bool flat_ = false;
 };
 
 }  // namespace
