@@ -27,8 +27,7 @@ template <class A>
 void require_shape(const A& array, const std::vector<long>& shape, const char* name) {
   bool ok = array.ndim() == static_cast<long>(shape.size());
   std::vector<long> actual(array.shape(), array.shape() + array.ndim());
-  for (std::size_t i = 0; ok && i < shape.size(); ++i)
-    ok = shape[i] < 0 || shape[i] == actual[i];
+  for (std::size_t i = 0; ok && i < shape.size(); ++i) ok = shape[i] < 0 || shape[i] == actual[i];
   if (!ok) {
     throw ArgumentError(std::string(name) + " has shape " + shape_text(actual) + ", expected " +
                         shape_text(shape));

@@ -31,8 +31,8 @@ Model make_model(const IntArray& joint_type, const IntArray& joint_parent, const
   for (long j = 0; j < n; ++j) {
     Joint joint{};
     if (joint_type.at(j) < 0 || joint_type.at(j) > 2) {
-      throw ArgumentError("joint_type[" + std::to_string(j) + "] = " +
-                          std::to_string(joint_type.at(j)) +
+      throw ArgumentError("joint_type[" + std::to_string(j) +
+                          "] = " + std::to_string(joint_type.at(j)) +
                           ": expected 0 (slide), 1 (hinge) or 2 (ball)");
     }
     joint.type = static_cast<JointType>(joint_type.at(j));
@@ -51,8 +51,8 @@ Model make_model(const IntArray& joint_type, const IntArray& joint_parent, const
   const auto sphere = [n](int joint, const Array& position, const Array& radius, long i,
                           const char* name) {
     if (joint < 0 || joint >= n) {
-      throw ArgumentError(std::string(name) + "[" + std::to_string(i) + "] = " +
-                          std::to_string(joint) + ": expected a joint index below " +
+      throw ArgumentError(std::string(name) + "[" + std::to_string(i) +
+                          "] = " + std::to_string(joint) + ": expected a joint index below " +
                           std::to_string(n));
     }
     return ContactPoint{
@@ -107,9 +107,8 @@ Integrator parse_integrator(const std::string& name) {
 
 Physics make_physics(const std::array<double, 3>& gravity, bool ground,
                      const std::array<double, 3>& plane_normal, double plane_offset, double normal,
-                     double friction, double damping, bool coulomb, double mu,
-                     double slip_velocity, double limit, double self_collision,
-                     const std::string& integrator) {
+                     double friction, double damping, bool coulomb, double mu, double slip_velocity,
+                     double limit, double self_collision, const std::string& integrator) {
   Physics p;
   for (int k = 0; k < 3; ++k) {
     p.gravity[k] = gravity[k];
@@ -184,10 +183,10 @@ void register_model(py::module_& m) {
                        const Array& point_radius, const IntArray& sphere_joint,
                        const Array& sphere_position, const Array& sphere_radius,
                        const IntArray& sphere_pairs) {
-             return std::make_shared<Model>(make_model(
-                 joint_type, joint_parent, joint_offset, joint_axis, link_inertia, lower, upper,
-                 actuated, point_joint, point_position, point_radius, sphere_joint,
-                 sphere_position, sphere_radius, sphere_pairs));
+             return std::make_shared<Model>(
+                 make_model(joint_type, joint_parent, joint_offset, joint_axis, link_inertia, lower,
+                            upper, actuated, point_joint, point_position, point_radius,
+                            sphere_joint, sphere_position, sphere_radius, sphere_pairs));
            }),
            py::kw_only(), "joint_type"_a, "joint_parent"_a, "joint_offset"_a, "joint_axis"_a,
            "link_inertia"_a, "lower"_a, "upper"_a, "actuated"_a, "point_joint"_a,
@@ -196,51 +195,52 @@ void register_model(py::module_& m) {
       .def_readonly("ndof", &Model::ndof)
       .def_readonly("nq", &Model::nq)
       .def_readonly("mass", &Model::mass)
-      .def("kinematics",
-           [](const Model& model, const Array& x) {
-             require_shape(x, {-1, model.ndof}, "x");
-             const long n = x.shape(0);
-             auto out = empty({n, static_cast<long>(model.joints.size()), 3, 4});
-             kinematics_batch(model, n, x.data(), out.mutable_data());
-             return out;
-           },
-           "x"_a)
-      .def("center_of_mass",
-           [](const Model& model, const Array& x) {
-             require_shape(x, {-1, model.ndof}, "x");
-             auto out = empty({x.shape(0), 3});
-             center_of_mass_batch(model, x.shape(0), x.data(), out.mutable_data());
-             return out;
-           },
-           "x"_a)
-      .def("residual",
-           [](const Model& model, const Array& x, const Array& x1, const Array& x2,
-              const Array& dt, const Physics& physics, const std::optional<Array>& dt_before,
-              int threads) -> py::object {
-             return dynamics(model, x, x1, x2, dt, physics, false, dt_before, threads)[0];
-           },
-           "x"_a, "x1"_a, "x2"_a, "dt"_a, "physics"_a, "dt_before"_a = py::none(),
-           "threads"_a = 1)
-      .def("jacobians",
-           [](const Model& model, const Array& x, const Array& x1, const Array& x2,
-              const Array& dt, const Physics& physics, const std::optional<Array>& dt_before,
-              int threads) {
-             return dynamics(model, x, x1, x2, dt, physics, true, dt_before, threads);
-           },
-           "x"_a, "x1"_a, "x2"_a, "dt"_a, "physics"_a, "dt_before"_a = py::none(),
-           "threads"_a = 1)
-      .def("contact_forces",
-           [](const Model& model, const Array& x, const Array& velocity, const Physics& physics) {
-             const long n = x.ndim() == 2 ? x.shape(0) : -1;
-             const long p = static_cast<long>(model.points.size());
-             require_shape(x, {n, model.ndof}, "x");
-             require_shape(velocity, {n, p, 3}, "velocity");
-             auto out = empty({n, p, 3});
-             contact_forces_batch(model, physics, n, x.data(), velocity.data(),
-                                  out.mutable_data());
-             return out;
-           },
-           "x"_a, "velocity"_a, "physics"_a);
+      .def(
+          "kinematics",
+          [](const Model& model, const Array& x) {
+            require_shape(x, {-1, model.ndof}, "x");
+            const long n = x.shape(0);
+            auto out = empty({n, static_cast<long>(model.joints.size()), 3, 4});
+            kinematics_batch(model, n, x.data(), out.mutable_data());
+            return out;
+          },
+          "x"_a)
+      .def(
+          "center_of_mass",
+          [](const Model& model, const Array& x) {
+            require_shape(x, {-1, model.ndof}, "x");
+            auto out = empty({x.shape(0), 3});
+            center_of_mass_batch(model, x.shape(0), x.data(), out.mutable_data());
+            return out;
+          },
+          "x"_a)
+      .def(
+          "residual",
+          [](const Model& model, const Array& x, const Array& x1, const Array& x2, const Array& dt,
+             const Physics& physics, const std::optional<Array>& dt_before,
+             int threads) -> py::object {
+            return dynamics(model, x, x1, x2, dt, physics, false, dt_before, threads)[0];
+          },
+          "x"_a, "x1"_a, "x2"_a, "dt"_a, "physics"_a, "dt_before"_a = py::none(), "threads"_a = 1)
+      .def(
+          "jacobians",
+          [](const Model& model, const Array& x, const Array& x1, const Array& x2, const Array& dt,
+             const Physics& physics, const std::optional<Array>& dt_before, int threads) {
+            return dynamics(model, x, x1, x2, dt, physics, true, dt_before, threads);
+          },
+          "x"_a, "x1"_a, "x2"_a, "dt"_a, "physics"_a, "dt_before"_a = py::none(), "threads"_a = 1)
+      .def(
+          "contact_forces",
+          [](const Model& model, const Array& x, const Array& velocity, const Physics& physics) {
+            const long n = x.ndim() == 2 ? x.shape(0) : -1;
+            const long p = static_cast<long>(model.points.size());
+            require_shape(x, {n, model.ndof}, "x");
+            require_shape(velocity, {n, p, 3}, "velocity");
+            auto out = empty({n, p, 3});
+            contact_forces_batch(model, physics, n, x.data(), velocity.data(), out.mutable_data());
+            return out;
+          },
+          "x"_a, "velocity"_a, "physics"_a);
 }
 
 }  // namespace trajopt::bindings

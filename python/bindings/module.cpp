@@ -11,8 +11,9 @@ namespace py = pybind11;
 PYBIND11_MODULE(_core, m) {
   m.doc() = "Compiled core of trajopt.";
   m.attr("__version__") = TRAJOPT_VERSION;
-  m.def("isa", [] { return trajopt::isa_name(trajopt::active_isa()); },
-        "Instruction set the hot code runs with: portable, avx2 or avx512.");
+  m.def(
+      "isa", [] { return trajopt::isa_name(trajopt::active_isa()); },
+      "Instruction set the hot code runs with: portable, avx2 or avx512.");
   m.def("hardware_threads", &trajopt::hardware_threads);
   py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
   trajopt::bindings::register_linalg(m);

@@ -1,5 +1,3 @@
-#include "trajopt/problem/trajectory_problem.h"
-
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
 
@@ -8,6 +6,7 @@
 #include "arrays.h"
 #include "bindings.h"
 #include "trajopt/model/configuration.h"
+#include "trajopt/problem/trajectory_problem.h"
 
 namespace trajopt::bindings {
 
@@ -90,56 +89,63 @@ py::array_t<double> convert(const Model& model, const Array& in, long from, long
 
 void register_problem(py::module_& m) {
   using namespace py::literals;  // NOLINT(google-build-using-namespace)
-  m.def("configuration_from_vector",
-        [](const Model& model, const Array& x) {
-          return convert<configuration_from_vector>(model, x, model.ndof, model.nq, "x");
-        }, "model"_a, "x"_a, "Rotation vectors (n, D) to quaternions (n, nq).");
-  m.def("configuration_to_vector",
-        [](const Model& model, const Array& q) {
-          return convert<configuration_to_vector>(model, q, model.nq, model.ndof, "q");
-        }, "model"_a, "q"_a, "Quaternions (n, nq) to rotation vectors (n, D) of at most pi.");
+  m.def(
+      "configuration_from_vector",
+      [](const Model& model, const Array& x) {
+        return convert<configuration_from_vector>(model, x, model.ndof, model.nq, "x");
+      },
+      "model"_a, "x"_a, "Rotation vectors (n, D) to quaternions (n, nq).");
+  m.def(
+      "configuration_to_vector",
+      [](const Model& model, const Array& q) {
+        return convert<configuration_to_vector>(model, q, model.nq, model.ndof, "q");
+      },
+      "model"_a, "q"_a, "Quaternions (n, nq) to rotation vectors (n, D) of at most pi.");
 
   py::class_<Objective>(m, "Objective")
       .def(py::init<>())
       .def("names", &Objective::names)
-      .def("add_dense",
-           [](Objective& o, const std::string& name, const std::string& kind, const Array& weight,
-              const std::optional<Array>& target, int joint, const std::array<double, 3>& point,
-              const std::array<double, 3>& axes) {
-             DenseObjective term{.name = name, .term = {}, .weight = to_vector(weight), .target = {}};
-             term.term.kind = parse_dense(kind);
-             term.term.joint = joint;
-             for (int k = 0; k < 3; ++k) {
-               term.term.point[k] = point[k];
-               term.term.axes[k] = axes[k];
-             }
-             if (target) {
-               require_shape(*target, {weight.size(), 3}, "target");
-               term.target = to_vector(*target);
-             }
-             o.dense.push_back(std::move(term));
-           },
-           "name"_a, "kind"_a, "weight"_a, "target"_a = py::none(), "joint"_a = 0,
-           "point"_a = std::array<double, 3>{0, 0, 0}, "axes"_a = std::array<double, 3>{1, 1, 1})
-      .def("add_local",
-           [](Objective& o, const std::string& name, const std::string& kind, const Array& weight,
-              const Array& dof_weight, const std::optional<Array>& target) {
-             o.local.push_back({name, parse_local(kind), to_vector(weight), to_vector(dof_weight),
-                                target ? to_vector(*target) : std::vector<double>{}});
-           },
-           "name"_a, "kind"_a, "weight"_a, "dof_weight"_a, "target"_a = py::none())
-      .def("add_callback",
-           [](Objective& o, const std::string& name, int rows, double weight,
-              const py::function& function) {
-             o.callbacks.push_back(make_callback(name, rows, weight, function));
-           },
-           "name"_a, "rows"_a, "weight"_a, "function"_a);
+      .def(
+          "add_dense",
+          [](Objective& o, const std::string& name, const std::string& kind, const Array& weight,
+             const std::optional<Array>& target, int joint, const std::array<double, 3>& point,
+             const std::array<double, 3>& axes) {
+            DenseObjective term{
+                .name = name, .term = {}, .weight = to_vector(weight), .target = {}};
+            term.term.kind = parse_dense(kind);
+            term.term.joint = joint;
+            for (int k = 0; k < 3; ++k) {
+              term.term.point[k] = point[k];
+              term.term.axes[k] = axes[k];
+            }
+            if (target) {
+              require_shape(*target, {weight.size(), 3}, "target");
+              term.target = to_vector(*target);
+            }
+            o.dense.push_back(std::move(term));
+          },
+          "name"_a, "kind"_a, "weight"_a, "target"_a = py::none(), "joint"_a = 0,
+          "point"_a = std::array<double, 3>{0, 0, 0}, "axes"_a = std::array<double, 3>{1, 1, 1})
+      .def(
+          "add_local",
+          [](Objective& o, const std::string& name, const std::string& kind, const Array& weight,
+             const Array& dof_weight, const std::optional<Array>& target) {
+            o.local.push_back({name, parse_local(kind), to_vector(weight), to_vector(dof_weight),
+                               target ? to_vector(*target) : std::vector<double>{}});
+          },
+          "name"_a, "kind"_a, "weight"_a, "dof_weight"_a, "target"_a = py::none())
+      .def(
+          "add_callback",
+          [](Objective& o, const std::string& name, int rows, double weight,
+             const py::function& function) {
+            o.callbacks.push_back(make_callback(name, rows, weight, function));
+          },
+          "name"_a, "rows"_a, "weight"_a, "function"_a);
 
-  m.def("frames_from_address",
-        [](std::uintptr_t address, long frames, long nq) {
-          // Valid during a callback only: the caller copies what it keeps.
-          return py::array_t<double>({frames, nq}, reinterpret_cast<const double*>(address));
-        });
+  m.def("frames_from_address", [](std::uintptr_t address, long frames, long nq) {
+    // Valid during a callback only: the caller copies what it keeps.
+    return py::array_t<double>({frames, nq}, reinterpret_cast<const double*>(address));
+  });
 
   py::class_<TrajectoryProblem>(m, "TrajectoryProblem")
       .def(py::init([](const Model& model, const Physics& physics, const Array& dt,
@@ -165,42 +171,46 @@ void register_problem(py::module_& m) {
       .def_property_readonly("nodes", &TrajectoryProblem::nodes)
       .def_property_readonly("primal", &TrajectoryProblem::primal)
       .def_property_readonly("dual", &TrajectoryProblem::dual)
-      .def("state_from_frames",
-           [](const TrajectoryProblem& p, const Array& frames) {
-             require_shape(frames, {p.frame_count(), p.model().nq}, "frames");
-             const State s = p.state_from_frames(frames.data());
-             return to_array(s, {static_cast<long>(s.size())});
-           },
-           "frames"_a, "State whose frames 1..N are (or are splined through) the given (N, nq).")
-      .def("evaluate",
-           [](TrajectoryProblem& p, const Array& state) {
-             Evaluation e;
-             const State s = to_vector(state);
-             {
-               const py::gil_scoped_release release;
-               p.evaluate(s, e);
-             }
-             return evaluation_dict(p, e);
-           },
-           "state"_a)
-      .def("retract",
-           [](const TrajectoryProblem& p, const Array& state, const Array& step) {
-             require_shape(step, {static_cast<long>(p.nodes()) * p.primal()}, "step");
-             State out;
-             p.retract(to_vector(state), step.data(), out);
-             return to_array(out, {static_cast<long>(out.size())});
-           },
-           "state"_a, "step"_a)
-      .def("linearize",
-           [](TrajectoryProblem& p, const Array& state) {
-             Evaluation e;
-             Linearization lin;
-             p.linearize(to_vector(state), 0.0, e, lin);
-             py::dict d = evaluation_dict(p, e);
-             d["gradient"] = to_array(lin.node_gradient, {p.nodes(), p.primal()});
-             return d;
-           },
-           "state"_a);
+      .def(
+          "state_from_frames",
+          [](const TrajectoryProblem& p, const Array& frames) {
+            require_shape(frames, {p.frame_count(), p.model().nq}, "frames");
+            const State s = p.state_from_frames(frames.data());
+            return to_array(s, {static_cast<long>(s.size())});
+          },
+          "frames"_a, "State whose frames 1..N are (or are splined through) the given (N, nq).")
+      .def(
+          "evaluate",
+          [](TrajectoryProblem& p, const Array& state) {
+            Evaluation e;
+            const State s = to_vector(state);
+            {
+              const py::gil_scoped_release release;
+              p.evaluate(s, e);
+            }
+            return evaluation_dict(p, e);
+          },
+          "state"_a)
+      .def(
+          "retract",
+          [](const TrajectoryProblem& p, const Array& state, const Array& step) {
+            require_shape(step, {static_cast<long>(p.nodes()) * p.primal()}, "step");
+            State out;
+            p.retract(to_vector(state), step.data(), out);
+            return to_array(out, {static_cast<long>(out.size())});
+          },
+          "state"_a, "step"_a)
+      .def(
+          "linearize",
+          [](TrajectoryProblem& p, const Array& state) {
+            Evaluation e;
+            Linearization lin;
+            p.linearize(to_vector(state), 0.0, e, lin);
+            py::dict d = evaluation_dict(p, e);
+            d["gradient"] = to_array(lin.node_gradient, {p.nodes(), p.primal()});
+            return d;
+          },
+          "state"_a);
 }
 
 }  // namespace trajopt::bindings

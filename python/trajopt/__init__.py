@@ -10,8 +10,13 @@ Examples
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+# GCC's OpenMP spins at barriers for milliseconds; on a machine that is busy with anything else two
+# spinning threads slow a solve down by a factor of 50. Has to be set before the core is loaded.
+os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 
 if TYPE_CHECKING:
     from trajopt import linalg, objectives

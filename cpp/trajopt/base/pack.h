@@ -85,10 +85,14 @@ TRAJOPT_HD inline double fma(double a, double b, double c) { return __builtin_fm
 template <int W>
 inline Pack<W> fma(Pack<W> a, Pack<W> b, Pack<W> c) {
 #if defined(__AVX512F__)
-  if constexpr (W == 8) return Pack<W>((typename Pack<W>::Vector)_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v));
+  if constexpr (W == 8)
+    return Pack<W>(
+        (typename Pack<W>::Vector)_mm512_fmadd_pd((__m512d)a.v, (__m512d)b.v, (__m512d)c.v));
 #endif
 #if defined(__FMA__)
-  if constexpr (W == 4) return Pack<W>((typename Pack<W>::Vector)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v));
+  if constexpr (W == 4)
+    return Pack<W>(
+        (typename Pack<W>::Vector)_mm256_fmadd_pd((__m256d)a.v, (__m256d)b.v, (__m256d)c.v));
 #endif
   Pack<W> r;
   for (int i = 0; i < W; ++i) r.v[i] = __builtin_fma(a.v[i], b.v[i], c.v[i]);
@@ -99,7 +103,8 @@ TRAJOPT_HD inline double sqrt(double a) { return __builtin_sqrt(a); }
 template <int W>
 inline Pack<W> sqrt(Pack<W> a) {
 #if defined(__AVX512F__)
-  if constexpr (W == 8) return Pack<W>((typename Pack<W>::Vector)_mm512_maskz_sqrt_pd(0xff, (__m512d)a.v));
+  if constexpr (W == 8)
+    return Pack<W>((typename Pack<W>::Vector)_mm512_maskz_sqrt_pd(0xff, (__m512d)a.v));
 #endif
 #if defined(__AVX2__)
   if constexpr (W == 4) return Pack<W>((typename Pack<W>::Vector)_mm256_sqrt_pd((__m256d)a.v));
@@ -117,8 +122,7 @@ inline Pack<W> select(typename Pack<W>::Mask m, Pack<W> a, Pack<W> b) {
 
 TRAJOPT_HD inline bool any(bool m) { return m; }
 template <class Mask>
-  requires(!std::is_arithmetic_v<Mask>)
-inline bool any(Mask m) {
+requires(!std::is_arithmetic_v<Mask>) inline bool any(Mask m) {
   std::int64_t r = 0;
   for (unsigned i = 0; i < sizeof(Mask) / sizeof(std::int64_t); ++i) r |= m[i];
   return r != 0;

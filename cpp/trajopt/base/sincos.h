@@ -1,7 +1,7 @@
 // sin and cos of the project's own: the same bits on every compiler, instruction set and device.
 //
 // Reduction to |r| <= pi/4 by a three-part pi/2 (Cody and Waite), then the minimax polynomials in
-// the form of fdlibm's kernels. Error below 1 ulp for |x| < 1e5 rad, which no joint angle leaves.
+// the form of fdlibm's kernels. Error below 2 ulp for |x| < 1e5 rad, which no joint angle leaves.
 #pragma once
 
 #include "trajopt/base/pack.h"
@@ -44,8 +44,7 @@ TRAJOPT_HD inline void sincos(S x, S& sine, S& cosine) {
   const S b = select(swapped, s, c);
   const S two = S(1.5);
   const S sign_sine = select((k * k) > (two * two), S(-1.0), select(S(-0.5) > k, S(-1.0), S(1.0)));
-  const S sign_cosine =
-      select((k * k) > (two * two), S(-1.0), select(k > S(0.5), S(-1.0), S(1.0)));
+  const S sign_cosine = select((k * k) > (two * two), S(-1.0), select(k > S(0.5), S(-1.0), S(1.0)));
   sine = sign_sine * a;
   cosine = sign_cosine * b;
 }

@@ -18,7 +18,9 @@ struct Vec3 {
   TRAJOPT_HD friend Vec3 operator-(const Vec3& a, const Vec3& b) {
     return {a.x - b.x, a.y - b.y, a.z - b.z};
   }
-  TRAJOPT_HD friend Vec3 operator*(const S& s, const Vec3& a) { return {s * a.x, s * a.y, s * a.z}; }
+  TRAJOPT_HD friend Vec3 operator*(const S& s, const Vec3& a) {
+    return {s * a.x, s * a.y, s * a.z};
+  }
   TRAJOPT_HD Vec3& operator+=(const Vec3& b) {
     x += b.x, y += b.y, z += b.z;
     return *this;

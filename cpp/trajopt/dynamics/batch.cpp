@@ -42,8 +42,8 @@ void dynamics_batch(const Model& model, const Physics& physics, const DynamicsBa
                                                      js);
     } else {
       double* none[3] = {nullptr, nullptr, nullptr};
-      dynamics_residual<double, Chart::vector, false>(v, physics, stencil, nodes, ws,
-                                                      b.fd + i * d, none);
+      dynamics_residual<double, Chart::vector, false>(v, physics, stencil, nodes, ws, b.fd + i * d,
+                                                      none);
     }
   });
 }

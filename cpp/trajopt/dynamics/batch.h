@@ -9,12 +9,12 @@ namespace trajopt {
 // All arrays have a leading axis of `count` frames; jacobians may be null (residual only).
 struct DynamicsBatch {
   long count;
-  const double* x;   // count x D: frame i
-  const double* x1;  // frame i-1
-  const double* x2;  // frame i-2
-  const double* dt;         // count: t_i - t_{i-1}
-  const double* dt_before;  // count: t_{i-1} - t_{i-2}
-  double* fd;               // count x D
+  const double* x;                                     // count x D: frame i
+  const double* x1;                                    // frame i-1
+  const double* x2;                                    // frame i-2
+  const double* dt;                                    // count: t_i - t_{i-1}
+  const double* dt_before;                             // count: t_{i-1} - t_{i-2}
+  double* fd;                                          // count x D
   double* jacobians[3] = {nullptr, nullptr, nullptr};  // each count x D x D
 };
 

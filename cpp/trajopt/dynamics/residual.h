@@ -23,7 +23,8 @@ struct StencilPack {  // Stencil, one per lane
   S acceleration[3], contact[3], velocity[3][3];
 };
 
-// ---- sweep 2 -------------------------------------------------------------------------------------
+// ---- sweep 2
+// -------------------------------------------------------------------------------------
 
 template <class S>
 TRAJOPT_HD inline void link_composite(const Joint& joint, const DynamicsWorkspace<S>& ws, int index,
@@ -36,8 +37,8 @@ TRAJOPT_HD inline void link_composite(const Joint& joint, const DynamicsWorkspac
   }
   // X = sum p P_a^T = second R_a^T + first t_a^T;  sum P_q P_a^T = R_q X + t_q first_a^T.
   const double* s = joint.second;
-  const Mat3<S> second{{S(s[0]), S(s[1]), S(s[2]), S(s[1]), S(s[3]), S(s[4]), S(s[2]), S(s[4]),
-                        S(s[5])}};
+  const Mat3<S> second{
+      {S(s[0]), S(s[1]), S(s[2]), S(s[1]), S(s[3]), S(s[4]), S(s[2]), S(s[4]), S(s[5])}};
   const Transform<S>& ta = ws.joints[a][index];
   Mat3<S> x;
   for (int i = 0; i < 3; ++i)
@@ -163,7 +164,8 @@ TRAJOPT_HD inline void inward_sweep(const ModelView& model, const Physics& physi
   }
 }
 
-// ---- sweep 3 -------------------------------------------------------------------------------------
+// ---- sweep 3
+// -------------------------------------------------------------------------------------
 
 // Total wrench of joint j's subtree at test node t: inertia and gravity (at node a) plus forces.
 template <class S>
@@ -174,7 +176,8 @@ TRAJOPT_HD inline Wrench<S> total_wrench(const ModelView& model, const Physics& 
   if (t != a) return w;
   const Composite<S>& c = ws.composites[j];
   for (int q = 0; q < 3; ++q) {
-    for (int i = 0; i < 9; ++i) w.moment.m[i] = fma(stencil.acceleration[q], c.second[q].m[i], w.moment.m[i]);
+    for (int i = 0; i < 9; ++i)
+      w.moment.m[i] = fma(stencil.acceleration[q], c.second[q].m[i], w.moment.m[i]);
     w.force = fma(stencil.acceleration[q], c.first[q], w.force);
   }
   const Vec3<S> g = broadcast3<S>(physics.gravity);
@@ -222,8 +225,8 @@ TRAJOPT_HD inline void add_stiffness_times(const Stiffness<S>& k, bool transpose
   }
 }
 
-// Derivative dw of the direction tested by dof `row` of a ball with respect to dof `col` of the same
-// ball, beyond what geometric_term (ancestor outermost) already holds.
+// Derivative dw of the direction tested by dof `row` of a ball with respect to dof `col` of the
+// same ball, beyond what geometric_term (ancestor outermost) already holds.
 template <class S, Chart C>
 TRAJOPT_HD inline Vec3<S> ball_direction_derivative(const Joint& joint, const S* q,
                                                     const Transform<S>* joints, const Twist<S>* xi,
@@ -254,8 +257,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
                                          DynamicsWorkspace<S>& ws, S* fd, S* const jacobians[3]) {
   const int a = physics.integrator == Integrator::implicit ? 0 : 1;
   const int d = model.ndof;
-  for (int q = 0; q < 3; ++q)
-    forward_kinematics<S, C>(model, nodes[q], ws.joints[q], ws.twists[q]);
+  for (int q = 0; q < 3; ++q) forward_kinematics<S, C>(model, nodes[q], ws.joints[q], ws.twists[q]);
   inward_sweep<S, Derivatives>(model, physics, stencil, a, ws);
   if constexpr (Derivatives) {
     for (int q = 0; q < 3; ++q)

@@ -33,16 +33,17 @@ template <class S>
 struct DynamicsWorkspace {
   Transform<S>* joints[3];
   Twist<S>* twists[3];
-  Composite<S>* composites;     // per joint
-  Wrench<S>* wrenches[3];       // per joint: contact and self collision, by test node
-  Stiffness<S>* stiffness;      // per joint, 9: t * 3 + q
-  Vec3<S>* spheres;             // centres at the inertia node, for self collision
-  unsigned char* touched[3];    // per joint: does any lane's subtree feel a force at this node?
+  Composite<S>* composites;   // per joint
+  Wrench<S>* wrenches[3];     // per joint: contact and self collision, by test node
+  Stiffness<S>* stiffness;    // per joint, 9: t * 3 + q
+  Vec3<S>* spheres;           // centres at the inertia node, for self collision
+  unsigned char* touched[3];  // per joint: does any lane's subtree feel a force at this node?
 
   TRAJOPT_HD static std::size_t bytes(const ModelView& m) {
     const std::size_t j = m.njoint, d = m.ndof;
     return 3 * (j * sizeof(Transform<S>) + d * sizeof(Twist<S>) + j * sizeof(Wrench<S>)) +
-           j * (sizeof(Composite<S>) + 9 * sizeof(Stiffness<S>)) + m.nsphere * sizeof(Vec3<S>) + ((3 * j + 63) / 64) * 64;
+           j * (sizeof(Composite<S>) + 9 * sizeof(Stiffness<S>)) + m.nsphere * sizeof(Vec3<S>) +
+           ((3 * j + 63) / 64) * 64;
   }
 
   TRAJOPT_HD DynamicsWorkspace(const ModelView& m, void* memory) {

@@ -43,7 +43,7 @@ TRAJOPT_HD inline void contact_force(const Physics& physics, const S& signed_dep
   const S ds = select(above, S(1.0), select(below, S(0.0), corner * S(0.5 / kSmoothing)));
 
   const S fn = S(physics.normal) * depth2 * s;
-  const S fn_depth = S(2.0 * physics.normal) * depth * s;            // d fn / d depth
+  const S fn_depth = S(2.0 * physics.normal) * depth * s;              // d fn / d depth
   const S fn_vn = S(-physics.normal * physics.damping) * depth2 * ds;  // d fn / d vn
 
   if (physics.coulomb) {

@@ -26,7 +26,7 @@ TRAJOPT_HD inline void add_joint_limits(const ModelView& model, const Physics& p
 }
 
 template <class S>
-struct Overlap {  // of one sphere pair: E = w depth^3
+struct Overlap {      // of one sphere pair: E = w depth^3
   Vec3<S> direction;  // unit vector from b to a
   S distance, depth;
 };
@@ -49,8 +49,8 @@ template <class S>
 TRAJOPT_HD inline void add_self_collision_wrenches(const ModelView& model, const Physics& physics,
                                                    int a, DynamicsWorkspace<S>& ws) {
   for (int k = 0; k < model.nsphere; ++k) {
-    ws.spheres[k] = apply(ws.joints[a][model.spheres[k].joint],
-                          broadcast3<S>(model.spheres[k].position));
+    ws.spheres[k] =
+        apply(ws.joints[a][model.spheres[k].joint], broadcast3<S>(model.spheres[k].position));
   }
   for (int k = 0; k < model.npair; ++k) {
     const SpherePair& pair = model.pairs[k];

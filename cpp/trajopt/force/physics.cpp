@@ -22,8 +22,8 @@ double newmark_beta(Integrator integrator) {
 
 // Weight theta of the newer velocity at the middle node. 1/2 is second order; stiff friction needs
 // more, or the sliding velocity flips its sign every frame. A point under its static load slides
-// with the factor z = (1 - 2 (1 - theta) a)/(1 + 2 theta a) a frame, a = g (w_t/w_n) dt / 2; theta is
-// the least that keeps z >= -kFlip: a flip that dies out within frames costs less accuracy than
+// with the factor z = (1 - 2 (1 - theta) a)/(1 + 2 theta a) a frame, a = g (w_t/w_n) dt / 2; theta
+// is the least that keeps z >= -kFlip: a flip that dies out within frames costs less accuracy than
 // first-order friction does.
 constexpr double kFlip = 0.5;
 

@@ -38,7 +38,9 @@ struct Stencil {
 };
 
 // The node whose directions test inertia and internal forces: i for Pan's scheme, else i-1.
-inline int inertia_node(Integrator integrator) { return integrator == Integrator::implicit ? 0 : 1; }
+inline int inertia_node(Integrator integrator) {
+  return integrator == Integrator::implicit ? 0 : 1;
+}
 
 // dt: t_i - t_{i-1};  dt_before: t_{i-1} - t_{i-2}.
 Stencil make_stencil(const Physics& physics, double dt, double dt_before);

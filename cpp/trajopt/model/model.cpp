@@ -15,8 +15,8 @@ void finalize(Model& model) {
   for (int j = 0; j < count; ++j) {
     Joint& joint = model.joints[j];
     if (joint.parent < -1 || joint.parent >= j) {
-      throw ArgumentError("joint_parent[" + std::to_string(j) + "] = " +
-                          std::to_string(joint.parent) +
+      throw ArgumentError("joint_parent[" + std::to_string(j) +
+                          "] = " + std::to_string(joint.parent) +
                           ": expected -1 (the world) or the index of an earlier joint");
     }
     joint.dof = model.ndof;

@@ -16,14 +16,15 @@ enum class JointType : int { slide = 0, hinge = 1, ball = 2 };
 
 struct Joint {
   JointType type;
-  int parent;         // -1: the world
-  int dof;            // first of its 1 or 3 entries of x
-  int q;              // first of its 1 or 4 entries of q
-  double offset[12];  // rotation (row-major 9), translation (3): parent's frame -> this joint's frame
-  double axis[3];     // unit; unused for a ball
-  double mass;        // of the link; 0 for an intermediate joint
-  double second[6];   // integral of rho p p^T about the joint frame's origin: xx xy xz yy yz zz
-  double first[3];    // mass times centre of mass, in the joint frame
+  int parent;  // -1: the world
+  int dof;     // first of its 1 or 3 entries of x
+  int q;       // first of its 1 or 4 entries of q
+  double
+      offset[12];  // rotation (row-major 9), translation (3): parent's frame -> this joint's frame
+  double axis[3];  // unit; unused for a ball
+  double mass;     // of the link; 0 for an intermediate joint
+  double second[6];  // integral of rho p p^T about the joint frame's origin: xx xy xz yy yz zz
+  double first[3];   // mass times centre of mass, in the joint frame
   double subtree_mass;
 
   int ndof() const { return type == JointType::ball ? 3 : 1; }

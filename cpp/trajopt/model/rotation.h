@@ -101,7 +101,7 @@ TRAJOPT_HD inline Vec3<double> quaternion_log(const double* q) {
   const double sign = q[0] < 0 ? -1.0 : 1.0;
   const double s2 = q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
   const double s = sqrt(s2), w = sign * q[0];
-  const double u = s / (1 + w);             // tan of a quarter of the angle
+  const double u = s / (1 + w);                // tan of a quarter of the angle
   const double z = u / (1 + sqrt(1 + u * u));  // tan of an eighth: at most 0.4142
   const double angle = 8 * atan_small(z);
   const double k = s > 1e-300 ? sign * angle / s : sign * 2.0;

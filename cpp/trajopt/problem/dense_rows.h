@@ -81,17 +81,16 @@ TRAJOPT_HD inline void dense_rows(const ModelView& model, const DenseTerm& term,
     }
     return;
   }
-  const bool rate = term.kind == DenseKind::center_of_mass_velocity ||
-                    term.kind == DenseKind::point_velocity;
+  const bool rate =
+      term.kind == DenseKind::center_of_mass_velocity || term.kind == DenseKind::point_velocity;
   Vec3<S> weight;
   for (int k = 0; k < 3; ++k) weight[k] = scale * S(term.axes[k]);
   const Vec3<S> unit = rate ? inverse_dt * weight : weight;
-  Vec3<S> value =
-      tracked_point<S, Derivatives>(model, term, ws, 0, unit, out.jacobian, width);
+  Vec3<S> value = tracked_point<S, Derivatives>(model, term, ws, 0, unit, out.jacobian, width);
   if (rate) {
     const Vec3<S> minus = S(-1.0) * unit;
-    value = value -
-            tracked_point<S, Derivatives>(model, term, ws, 1, minus, out.jacobian + d, width);
+    value =
+        value - tracked_point<S, Derivatives>(model, term, ws, 1, minus, out.jacobian + d, width);
     value = inverse_dt * value;
   }
   for (int k = 0; k < 3; ++k) out.residual[k] = weight[k] * (value[k] - target[k]);

@@ -76,8 +76,7 @@ void run(const FrameInput& in, long begin, int count, void* memory, const FrameO
                                                        jacobians);
 
   for (int w = 0; w < count; ++w) {
-    for (int r = 0; r < m; ++r)
-      out.constraint[(begin + w) * m + r] = s.fd[model.unactuated[r]][w];
+    for (int r = 0; r < m; ++r) out.constraint[(begin + w) * m + r] = s.fd[model.unactuated[r]][w];
     for (int r = 0; r < nu; ++r) out.torque[(begin + w) * nu + r] = s.fd[model.actuated[r]][w];
   }
 
@@ -99,8 +98,8 @@ void run(const FrameInput& in, long begin, int count, void* memory, const FrameO
       rows += contact_rate_rows<Lane, Derivatives>(model, *in.physics, ws, scale, inverse_dt,
                                                    inverse_dt_before, block);
     } else if (term.kind == DenseKind::contact_slip) {
-      rows += contact_slip_rows<Lane, Derivatives>(model, *in.physics, ws, scale, inverse_dt,
-                                                   block);
+      rows +=
+          contact_slip_rows<Lane, Derivatives>(model, *in.physics, ws, scale, inverse_dt, block);
     } else {
       rows += rows_of(term.kind, model);
       dense_rows<Lane, Derivatives>(model, term, ws, s.fd, js, scale, target, inverse_dt, block);

@@ -25,11 +25,11 @@ enum class DenseKind : int {
 
 struct DenseTerm {
   DenseKind kind;
-  int joint = 0;            // of the point
+  int joint = 0;  // of the point
   double point[3] = {0, 0, 0};
-  double axes[3] = {1, 1, 1};       // multiplies the three rows
-  const double* scale = nullptr;    // N: sqrt(2 weight_i); 0 switches the frame off
-  const double* target = nullptr;   // N x 3
+  double axes[3] = {1, 1, 1};      // multiplies the three rows
+  const double* scale = nullptr;   // N: sqrt(2 weight_i); 0 switches the frame off
+  const double* target = nullptr;  // N x 3
 };
 
 // Rows a term has at most; the contact terms leave out points that touch nothing.
@@ -42,24 +42,24 @@ inline int rows_of(DenseKind kind, const ModelView& model) {
 struct FrameInput {
   ModelView model;
   const Physics* physics;
-  const Stencil* stencils;   // N
-  const double* dt;          // N + 1: t_i - t_{i-1} for i = 0..N
-  const double* frames;      // (N + 2) x nq: x_{-1}, x_0, ..., x_N
+  const Stencil* stencils;  // N
+  const double* dt;         // N + 1: t_i - t_{i-1} for i = 0..N
+  const double* frames;     // (N + 2) x nq: x_{-1}, x_0, ..., x_N
   const DenseTerm* terms;
   int nterm;
-  double augmentation;       // adds this times A^T A to the Hessian
+  double augmentation;  // adds this times A^T A to the Hessian
 };
 
 // The six blocks of the window's upper triangle, in the order they are stored.
 inline constexpr int kWindowBlocks[6][2] = {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}};
 
-struct FrameOutput {         // for frame i = 1..N at index i - 1
-  double* constraint;        // N x m
-  double* torque;            // N x nu
-  double* cost;              // N x nterm
-  double* hessian;           // N x 6 x D x D
-  double* gradient;          // N x 3 x D
-  double* jacobian;          // N x 3 x m x D
+struct FrameOutput {   // for frame i = 1..N at index i - 1
+  double* constraint;  // N x m
+  double* torque;      // N x nu
+  double* cost;        // N x nterm
+  double* hessian;     // N x 6 x D x D
+  double* gradient;    // N x 3 x D
+  double* jacobian;    // N x 3 x m x D
 };
 
 struct FrameKernels {

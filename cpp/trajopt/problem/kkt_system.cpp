@@ -31,7 +31,8 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
   for (int node = 0; node < nodes_; ++node)
     std::fill_n(signs_.begin() + offset(node), dual_, static_cast<signed char>(-1));
   if (ring_) {
-    bordered_ = std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering);
+    bordered_ =
+        std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering);
     border_.resize(static_cast<std::size_t>(blocks_ - 1) * size_ * size_);
     corner_.resize(static_cast<std::size_t>(size_) * size_);
   } else {
@@ -39,9 +40,7 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
   }
 }
 
-Ordering KktSystem::ordering() const {
-  return ring_ ? ordering_ : factorization_->ordering();
-}
+Ordering KktSystem::ordering() const { return ring_ ? ordering_ : factorization_->ordering(); }
 
 void KktSystem::put(int row_node, int row, int column_node, int column, int rows, int columns,
                     const double* block, int row_stride, int column_stride, double scale) {
@@ -97,7 +96,9 @@ void KktSystem::assemble(const Linearization& lin, double damping, bool identity
 
 void KktSystem::assemble_frames(const Linearization& lin, double damping, bool identity) {
   const long d = primal_, m = dual_, n = nodes_;
-  const auto window = [&](long f, int block) { return lin.hessian.data() + (f * 6 + block) * d * d; };
+  const auto window = [&](long f, int block) {
+    return lin.hessian.data() + (f * 6 + block) * d * d;
+  };
   // One block row at a time: a worker writes its own diagonal and the coupling to the block before.
   parallel_for(blocks_, threads_, [&](long group, int) {
     for (int i = static_cast<int>(2 * group); i < std::min<long>(2 * group + 2, n); ++i) {

@@ -25,7 +25,8 @@ class KktSystem {
   int primal() const { return primal_; }
   int dual() const { return dual_; }
   int nodes() const { return nodes_; }
-  // Length of a right-hand side, padding included. Node i: multipliers at offset(i), tangent behind.
+  // Length of a right-hand side, padding included. Node i: multipliers at offset(i), tangent
+  // behind.
   long rows() const { return static_cast<long>(blocks_) * size_; }
   long offset(int node) const { return static_cast<long>(node) * (primal_ + dual_); }
 
@@ -64,10 +65,10 @@ class KktSystem {
   int nodes_, primal_, dual_, blocks_, size_, threads_;
   bool ring_;
   linalg::Ordering ordering_;
-  linalg::SymmetricBlockTridiagonal matrix_;   // a ring keeps its last block in the border
+  linalg::SymmetricBlockTridiagonal matrix_;  // a ring keeps its last block in the border
   std::unique_ptr<linalg::Factorization> factorization_;
   std::unique_ptr<linalg::BorderedFactorization> bordered_;
-  std::vector<double> border_, corner_;        // chain rows x size, size x size
+  std::vector<double> border_, corner_;  // chain rows x size, size x size
   std::vector<signed char> signs_;
   std::vector<double> rhs_copy_, regularized_;
 };

@@ -18,9 +18,9 @@ struct DenseObjective {
 };
 
 enum class LocalKind : int {
-  pose,          // x_i (-) target_i
-  velocity,      // (x_i (-) x_{i-1})/dt - target_i
-  acceleration   // second difference quotient of x on the (possibly uneven) grid
+  pose,         // x_i (-) target_i
+  velocity,     // (x_i (-) x_{i-1})/dt - target_i
+  acceleration  // second difference quotient of x on the (possibly uneven) grid
 };
 
 // A term each joint pays by itself.

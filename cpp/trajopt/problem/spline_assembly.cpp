@@ -23,7 +23,8 @@ void times_weight(const Model& model, const SplineWeight& w, const double* in, i
         continue;
       }
       const double* t = w.rotation + 9 * ball++;
-      for (int k = 0; k < 3; ++k) b[j + k] = a[j] * t[k] + a[j + 1] * t[3 + k] + a[j + 2] * t[6 + k];
+      for (int k = 0; k < 3; ++k)
+        b[j + k] = a[j] * t[k] + a[j + 1] * t[3 + k] + a[j + 2] * t[6 + k];
     }
   }
 }
@@ -50,8 +51,8 @@ void KktSystem::assemble_spline(const Linearization& lin, double damping, bool i
       for (int back = 0; back < 3 && i - back >= 1; ++back) {
         std::fill(band.begin(), band.end(), 0.0);
         for (int ahead = 0; ahead + back < 3 && i + ahead <= n; ++ahead) {
-          const double* h =
-              lin.hessian.data() + (static_cast<long>(i + ahead - 1) * 6 + kBlocks[back][ahead]) * dd;
+          const double* h = lin.hessian.data() +
+                            (static_cast<long>(i + ahead - 1) * 6 + kBlocks[back][ahead]) * dd;
           for (long k = 0; k < dd; ++k) band[k] += h[k];
         }
         for (const SplineWeight& wb : spline.weights(i - back).weights) {

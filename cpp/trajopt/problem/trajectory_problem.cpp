@@ -28,9 +28,9 @@ TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::v
                           ": expected at least 2");
     }
     if (frame_count_ % options_.frames_per_knot != 0) {
-      throw ArgumentError("frames = " + std::to_string(frame_count_) +
-                          ": expected a multiple of frames_per_knot = " +
-                          std::to_string(options_.frames_per_knot));
+      throw ArgumentError(
+          "frames = " + std::to_string(frame_count_) +
+          ": expected a multiple of frames_per_knot = " + std::to_string(options_.frames_per_knot));
     }
     nodes_ = frame_count_ / options_.frames_per_knot;
     primal_ = 2 * d;
@@ -41,10 +41,12 @@ TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::v
     primal_ = d;
     dual_ = m;
   }
-  if (options_.periodic && (options_.formulation == Formulation::spline || frame_count_ % 2 != 0 ||
-                            frame_count_ < 8)) {
-    throw ArgumentError("periodic = true: expected formulation frames and an even number of at "
-                        "least 8 frames, got " + std::to_string(frame_count_));
+  if (options_.periodic &&
+      (options_.formulation == Formulation::spline || frame_count_ % 2 != 0 || frame_count_ < 8)) {
+    throw ArgumentError(
+        "periodic = true: expected formulation frames and an even number of at "
+        "least 8 frames, got " +
+        std::to_string(frame_count_));
   }
   for (int i = 1; i <= frame_count_; ++i)
     stencils_.push_back(make_stencil(physics_, dt_[i], dt_[i - 1]));
@@ -144,9 +146,14 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
     lin->gradient.resize(n * 3 * d);
     lin->jacobian.resize(n * 3 * m * d);
   }
-  const FrameInput in{view(model_),      &physics_,     stencils_.data(),
-                      dt_.data(),        out.frames.data(), terms_.data(),
-                      static_cast<int>(terms_.size()), augmentation};
+  const FrameInput in{view(model_),
+                      &physics_,
+                      stencils_.data(),
+                      dt_.data(),
+                      out.frames.data(),
+                      terms_.data(),
+                      static_cast<int>(terms_.size()),
+                      augmentation};
   const FrameOutput frame_out{out.frame_constraint.data(),
                               out.torque.data(),
                               cost_.data(),

@@ -26,8 +26,8 @@ enum class Formulation { frames, spline };
 struct ProblemOptions {
   Formulation formulation = Formulation::frames;
   int frames_per_knot = 10;
-  bool periodic = false;           // frames only: x_{i+N} = x_i moved by `stride`
-  double stride[3] = {0, 0, 0};    // added to the first three slides of every root
+  bool periodic = false;         // frames only: x_{i+N} = x_i moved by `stride`
+  double stride[3] = {0, 0, 0};  // added to the first three slides of every root
   int threads = 1;
 };
 
@@ -57,8 +57,8 @@ class TrajectoryProblem {
   // dt: N + 1 steps, dt[i] = t_i - t_{i-1}, i = 0..N. initial: x_{-1}, x_0 as 2 x nq.
   // velocity: D, scaled to a segment (spline only: half of the fixed control point 0).
   TrajectoryProblem(Model model, const Physics& physics, std::vector<double> dt,
-                    Objective objective, std::vector<double> initial,
-                    std::vector<double> velocity, const ProblemOptions& options);
+                    Objective objective, std::vector<double> initial, std::vector<double> velocity,
+                    const ProblemOptions& options);
 
   const Model& model() const { return model_; }
   const Physics& physics() const { return physics_; }
@@ -71,8 +71,8 @@ class TrajectoryProblem {
   int dual() const { return dual_; }
   double dt(int frame) const { return dt_[frame]; }
 
-  State state_from_frames(const double* frames) const;  // N x nq: x_1 .. x_N
-  void frames_of(const State& state, std::vector<double>& frames) const;  // (N + 2) x nq
+  State state_from_frames(const double* frames) const;                     // N x nq: x_1 .. x_N
+  void frames_of(const State& state, std::vector<double>& frames) const;   // (N + 2) x nq
   void retract(const State& state, const double* step, State& out) const;  // step: nodes x primal
 
   void evaluate(const State& state, Evaluation& out);

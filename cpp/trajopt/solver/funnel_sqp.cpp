@@ -13,16 +13,16 @@ namespace trajopt {
 namespace {
 
 constexpr double kMinDamping = 1e-12, kMaxDamping = 1e12;
-constexpr double kAccept = 0.05;        // least actual / predicted decrease
+constexpr double kAccept = 0.05;         // least actual / predicted decrease
 constexpr double kObjectiveShare = 0.1;  // of the tangential decrease: below it a step is restoring
-constexpr double kRestore = 0.1;        // least relative decrease of |C| by a restoring step
+constexpr double kRestore = 0.1;         // least relative decrease of |C| by a restoring step
 constexpr int kMaxRestorations = 30;
 constexpr double kMaxRestorationDamping = 1e8;
-constexpr double kShrink = 0.5;          // of the damping after the best of steps
-constexpr double kFlat = 1e-2;           // share of the tolerance a single step may be short of
-constexpr double kMeritFactor = 2;       // weight of |C|_inf over the largest multiplier
+constexpr double kShrink = 0.5;     // of the damping after the best of steps
+constexpr double kFlat = 1e-2;      // share of the tolerance a single step may be short of
+constexpr double kMeritFactor = 2;  // weight of |C|_inf over the largest multiplier
 constexpr double kMeritShare = 0.1;
-constexpr int kMaxRounds = 3;          // of descent and restoration
+constexpr int kMaxRounds = 3;  // of descent and restoration
 
 template <class... Args>
 std::string format(const char* text, Args... args) {
@@ -222,9 +222,9 @@ class FunnelSolver {
     }
 
     // At the optimum nothing is left to gain, and what differs is rounding: no step is acceptable.
-    flat_ = finite && damping_ <= options_.damping && current_.constraint_norm <= floor() &&
-            tangential_decrease <=
-                kFlat * options_.objective_tolerance * std::abs(current_.objective);
+    flat_ =
+        finite && damping_ <= options_.damping && current_.constraint_norm <= floor() &&
+        tangential_decrease <= kFlat * options_.objective_tolerance * std::abs(current_.objective);
     const bool accepted = finite && accept(predicted, tangential_decrease, zeta);
     record_.accepted = accepted;
     record_.damping = damping_;
@@ -354,28 +354,35 @@ class FunnelSolver {
     if (options_.restore && c > tolerance) {
       return {Status::stalled,
               format("restoration ended at |C| = %.2e body weights, above the tolerance %.1e "
-                     "(objective %.6g)", c, tolerance, current_.objective), iteration_};
+                     "(objective %.6g)",
+                     c, tolerance, current_.objective),
+              iteration_};
     }
     if (settled) {
-      return {Status::solved,
-              format("objective %.6g fell by less than %.1e (relative) in %d iterations; |C| = "
-                     "%.2e <= %.1e body weights", current_.objective, options_.objective_tolerance,
-                     options_.window, c, tolerance), iteration_};
+      return {
+          Status::solved,
+          format("objective %.6g fell by less than %.1e (relative) in %d iterations; |C| = "
+                 "%.2e <= %.1e body weights",
+                 current_.objective, options_.objective_tolerance, options_.window, c, tolerance),
+          iteration_};
     }
     if (damping_ >= kMaxDamping) {
       return {Status::stalled,
               format("no step lowers the objective %.6g any more (damping %.1e)",
-                     current_.objective, damping_), iteration_};
+                     current_.objective, damping_),
+              iteration_};
     }
     return {Status::max_iterations,
             format("iteration limit reached; objective %.6g, |C| = %.2e body weights",
-                   current_.objective, c), iteration_};
+                   current_.objective, c),
+            iteration_};
   }
 
   Result failure() const {
-    return {Status::numerical_failure,
-            format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
-                factor_error_, iteration_};
+    return {
+        Status::numerical_failure,
+        format("the KKT matrix could not be factored at damping %.1e: ", damping_) + factor_error_,
+        iteration_};
   }
 
   TrajectoryProblem& problem_;

@@ -20,14 +20,14 @@ struct FunnelOptions {
   double constraint_tolerance = 1e-9;  // |C|_inf, body weights
   double objective_tolerance = 1e-3;   // relative decrease over `window` iterations
   int window = 10;
-  double funnel = 0.4;                 // initial width, body weights per frame
+  double funnel = 0.4;  // initial width, body weights per frame
   double smoothing = 60;
-  double damping = 1e-2;               // initial lambda
+  double damping = 1e-2;  // initial lambda
   double augmentation = 1e-3;
-  double epsilon = 1e-10;              // on the multiplier diagonal
-  double normal_radius = 6;            // longest restoration step in W
+  double epsilon = 1e-10;    // on the multiplier diagonal
+  double normal_radius = 6;  // longest restoration step in W
   int corrections = 2;
-  bool restore = true;                 // finish with restoration steps to constraint_tolerance
+  bool restore = true;  // finish with restoration steps to constraint_tolerance
   linalg::Ordering ordering = linalg::Ordering::automatic;
 };
 

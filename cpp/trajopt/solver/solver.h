@@ -35,7 +35,7 @@ struct IterationRecord {
   double radius = 0;
   double damping = 0;
   double step_norm = 0;
-  double gain_ratio = 0;       // actual / predicted decrease
+  double gain_ratio = 0;  // actual / predicted decrease
   bool accepted = false;
   PhaseSeconds seconds;
   double elapsed = 0;

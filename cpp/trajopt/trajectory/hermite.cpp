@@ -69,9 +69,9 @@ HermiteSpline::HermiteSpline(const Model& model, int segments, int frames_per_se
     const Basis b = hermite_basis((i - segment * per_segment_) / static_cast<double>(per_segment_));
     const double value[4] = {b.h00, b.h10, b.h01, b.h11};
     for (int k = 0; k < 4; ++k) {
-      weights_[i - 1].weights[k] = {segment - 1 + k / 2, k % 2, value[k],
-                                    rotations_.data() +
-                                        (static_cast<std::size_t>(i - 1) * 4 + k) * balls_ * 9};
+      weights_[i - 1].weights[k] = {
+          segment - 1 + k / 2, k % 2, value[k],
+          rotations_.data() + (static_cast<std::size_t>(i - 1) * 4 + k) * balls_ * 9};
     }
   }
 }
@@ -92,8 +92,7 @@ void HermiteSpline::frames(const double* q, const double* v, double* out) const 
       }
       const Vec3<double> phi = quaternion_difference(qb + joint.q, qa + joint.q);
       const Vec3<double> end = left_jacobian_inverse(phi) * vec(vb + joint.dof);
-      const Vec3<double> h =
-          b.h10 * vec(va + joint.dof) + b.h01 * phi + b.h11 * end;
+      const Vec3<double> h = b.h10 * vec(va + joint.dof) + b.h01 * phi + b.h11 * end;
       double turn[4];
       quaternion_exp(h, turn);
       quaternion_product(turn, qa + joint.q, r);

@@ -46,8 +46,8 @@ class HermiteSpline {
  private:
   const Model& model_;
   int segments_, per_segment_, balls_;
-  std::vector<SplineFrame> weights_;   // N
-  std::vector<double> rotations_;      // N x 4 x balls x 9
+  std::vector<SplineFrame> weights_;  // N
+  std::vector<double> rotations_;     // N x 4 x balls x 9
 };
 
 }  // namespace trajopt
