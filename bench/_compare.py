@@ -7,8 +7,11 @@ can be compared is: the terms of the task (the same numbers of the same motion),
 residual at every frame, each method by its own time scheme, and the residual between the frames by
 one and the same audit, which knows neither scheme.
 
-Runs of ``paper`` are limited in iterations and seconds. Its three stages of stiffness share the
-limit in the proportions of `STAGE_SHARES`, so that a limited run reaches the final stiffness.
+Curves and the first table show both methods on soft ground, `GROUND` of the scenario's stiffness,
+in one stage from the same start: that is where the paper's schedule begins (Pan 8.1) and where its
+method works best. The second table shows whole solves, each method in its own stages up to the
+scenario's own ground. Runs of ``paper`` are limited in iterations and seconds; its stages share the
+limit of a whole solve in the proportions of `STAGE_SHARES`.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from typing import Any
 
 import numpy as np
 from _figures import figures
-from _machine import describe, environment, fingerprint, read, write
+from _machine import describe, environment, fingerprint, in_order, read, write
 from rich.console import Console
 
 import trajopt
@@ -30,11 +33,15 @@ from trajopt import IterationRecord
 from trajopt.methods import METHODS
 from trajopt.plotting.style import ACCENT, MUTED, SERIES, figure, tidy
 from trajopt.scenarios.keys import snake_case
+from trajopt.solver import Stage
 
 # Pan 8.3: 40 s in 800 frames and 80 control points.
 OVERRIDES = {"chain-jump": ["grid.dt=0.05"]}
 STAGE_SHARES = (0.5, 0.25, 0.25)
+GROUND = 0.03
 METHOD_NAMES = ("default", "paper")
+WHOLE = "{} whole"
+RUNS = (*METHOD_NAMES, *(WHOLE.format(method) for method in METHOD_NAMES))
 SAMPLE_GROWTH = 1.3  # the audit looks at iterations 1, 2, 3, 4, 6, 8, ...
 REACHED = 1.0 + 1e-9
 
@@ -104,29 +111,33 @@ def measure(path: Path, options: argparse.Namespace, console: Console) -> None:
         if options.fresh or entry.get("fingerprint") != mark:
             entry.clear()
         entry |= {"fingerprint": mark, "limits": limits, "threads": options.threads}
-        for method in METHOD_NAMES:
-            if method in entry:
+        for key in RUNS:
+            if key in entry:
                 continue
-            console.print(f"[dim]{name}, {method} ...[/dim]", end=" ")
-            entry[method] = run = _run(name, method, limits, options.threads)
+            console.print(f"[dim]{name}, {key} ...[/dim]", end=" ")
+            entry[key] = run = _run(name, key, limits, options.threads)
             entry["machine"] = environment()
-            write(path, results)
+            write(path, in_order(results))
             console.print(f"[dim]{run['status']}: {run['message']}[/dim]")
 
 
-def _run(name: str, method: str, limits: dict[str, Any], threads: int) -> dict[str, Any]:
+def _run(name: str, key: str, limits: dict[str, Any], threads: int) -> dict[str, Any]:
+    method = key.split()[0]
     scenario = trajopt.load_scenario(name)
     if method == "paper":
         scenario = scenario.override(OVERRIDES.get(name, []))
     problem, settings = scenario.build()
     settings |= {"seed": 0, "threads": threads, "method": method}
     if method == "paper":
-        count = limits["iterations"]
-        stages = [
-            replace(stage, iterations=max(1, round(share * count)))
+        settings["max_iterations"] = limits["iterations"]
+    if key == method:
+        settings["stages"] = [Stage(stiffness=GROUND)]
+        settings.pop("refine", None)
+    elif method == "paper":
+        settings["stages"] = [
+            replace(stage, iterations=max(1, round(share * limits["iterations"])))
             for stage, share in zip(METHODS["paper"].stages, STAGE_SHARES, strict=True)
         ]
-        settings |= {"max_iterations": count, "stages": stages}
         settings.pop("refine", None)
     watch = Watch(task_labels(problem), limits["seconds"] if method == "paper" else None)
     begin = perf_counter()
@@ -164,14 +175,13 @@ def task_labels(problem: trajopt.Problem) -> list[str]:
 def reached(entry: dict[str, Any]) -> tuple[int, float] | None:
     """Iteration and time at which the default method had caught up with paper's result.
 
-    First iteration of its last stage whose task and worst frame are no worse than where paper
-    ended; None if it never had.
+    First iteration whose task and worst frame are no worse than where paper ended; None if it never
+    had.
     """
     goal, series = entry["paper"], entry["default"]["series"]
     frame = goal["figures"]["frame"]["value"]
-    for k, stage in enumerate(series["stage"]):
-        values = (series["task"][k], series["frame"][k])
-        if stage != series["stage"][-1] or None in values or frame is None:
+    for k, values in enumerate(zip(series["task"], series["frame"], strict=True)):
+        if None in values or frame is None:
             continue
         if values[0] <= REACHED * goal["task"] and values[1] <= REACHED * frame:
             return int(series["iteration"][k]), float(series["seconds"][k])
@@ -189,19 +199,39 @@ MEASURES = (
 
 
 def rows(entry: dict[str, Any]) -> list[list[str]]:
-    """Comparison of one scenario: measure, default, paper, who won."""
+    """Comparison on the same ground: measure, default, paper, who won."""
     first, second = entry["default"], entry["paper"]
-    out = [["status", first["status"], second["status"], ""]]
-    out.append(
-        [
-            "grid",
-            f"{first['frames']} frames of {first['dt']:g} s",
-            f"{second['frames']} frames of {second['dt']:g} s, "
-            f"{second['control_points']} control points",
-            "",
-        ]
-    )
+    out = _heads(first, second) + _measures(first, second, without="penetration")
+    caught = reached(entry) or (None, None)
+    for k, (key, unit) in enumerate((("iterations", ""), ("seconds", "s"))):
+        text = "never" if caught[k] is None else _number(caught[k], unit)
+        end = second[key]
+        out.append([f"{key} to paper's end", text, _number(end, unit), _winner(caught[k], end)])
+    return out
+
+
+def whole_rows(entry: dict[str, Any]) -> list[list[str]]:
+    """The same for whole solves, each method in its own stages."""
+    first, second = (entry[WHOLE.format(method)] for method in METHOD_NAMES)
+    return _heads(first, second) + _measures(first, second)
+
+
+def whole_message(entry: dict[str, Any]) -> str:
+    """What the paper's method said at the end of a whole solve."""
+    return str(entry[WHOLE.format("paper")]["message"])
+
+
+def _heads(first: dict[str, Any], second: dict[str, Any]) -> list[list[str]]:
+    grids = [f"{run['frames']} frames of {run['dt']:g} s" for run in (first, second)]
+    points = f"{grids[1]}, {second['control_points']} control points"
+    return [["status", first["status"], second["status"], ""], ["grid", grids[0], points, ""]]
+
+
+def _measures(first: dict[str, Any], second: dict[str, Any], without: str = "") -> list[list[str]]:
+    out = []
     for key, title, unit in MEASURES:
+        if key == without:
+            continue
         values = [
             run["task"] if key == "task" else run["figures"].get(key, {}).get("value")
             for run in (first, second)
@@ -216,11 +246,6 @@ def rows(entry: dict[str, Any]) -> list[list[str]]:
     ):
         text = [_number(v, unit) for v in values]
         out.append([title, text[0], text[1] if done else f"> {text[1]}", _race(*values, done)])
-    caught = reached(entry) or (None, None)
-    for k, (key, unit) in enumerate((("iterations", ""), ("seconds", "s"))):
-        text = "never" if caught[k] is None else _number(caught[k], unit)
-        end = second[key]
-        out.append([f"{key} to paper's end", text, _number(end, unit), _winner(caught[k], end)])
     return out
 
 
@@ -247,7 +272,7 @@ def _number(value: float | None, unit: str) -> str:
 
 def draw(results: dict[str, Any], folder: Path) -> list[Path]:
     """Two pages: objective and violations, each over iterations and over seconds."""
-    entries = {k: e for k, e in results["scenarios"].items() if all(m in e for m in METHOD_NAMES)}
+    entries = {k: e for k, e in results["scenarios"].items() if all(m in e for m in RUNS)}
     pages = {
         "paper-vs-default.png": (
             ("series", "objective", "objective, all terms", "-", 1.5),
@@ -292,10 +317,6 @@ def _panel(axes: Any, entry: dict[str, Any], along: str, lines: tuple[Any, ...])
                 color=color,
                 label=f"{method}: {title}",
             )
-        stage = np.array(entry[method]["series"]["stage"])
-        for change in np.flatnonzero(np.diff(stage)):
-            at = entry[method]["series"][along][change + 1]
-            axes.axvline(at, color=color, linewidth=0.6, linestyle=(0, (1, 3)), zorder=0)
 
 
 def _rms(values: Any) -> float:

@@ -149,7 +149,7 @@ def _task(problem: Problem, solution: Solution, jumps: list[Any]) -> dict[str, F
             100 * float(np.sqrt(np.mean(places**2))),
             "%",
             5.0,
-            note=f"largest {100 * float(np.max(places)):.3g} %",
+            note=f"largest {100 * float(np.max(places)):.3g} % of a jump",
         )
     if jumps:
         lengths = [b - a for a, b in (j.flight for j in jumps if j.flight is not None)]

@@ -20,6 +20,7 @@ from trajopt.storage import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "bench" / "results"
+NAMES = ("hop", "chain-jump", "mammal-walk", "biped-walk")  # as tables and pictures show them
 
 
 def environment() -> dict[str, Any]:
@@ -62,6 +63,12 @@ def fingerprint(settings: Any) -> str:
 def read(path: Path) -> dict[str, Any]:
     """Results written before, or none."""
     return dict(json.loads(path.read_text())) if path.exists() else {}
+
+
+def in_order(results: dict[str, Any]) -> dict[str, Any]:
+    """The same results, scenarios in the order of `NAMES`."""
+    entries = results["scenarios"]
+    return {**results, "scenarios": {k: entries[k] for k in sorted(entries, key=NAMES.index)}}
 
 
 def write(path: Path, results: dict[str, Any]) -> None:

@@ -102,14 +102,18 @@ def show(
         console.print(table)
         console.print(f"{cost_line(cost)}\n", highlight=False)
     for name, entry in _compared(paper):
-        table = Table(*PAPER_HEADER, title=f"{name}: paper against default")
-        for cells in _compare.rows(entry):
-            table.add_row(*cells)
-        console.print(table)
+        tables = ((SOFT, _compare.rows(entry)), (WHOLE, _compare.whole_rows(entry)))
+        for title, lines in tables:
+            table = Table(*PAPER_HEADER, title=f"{name}: {title}")
+            for cells in lines:
+                table.add_row(*cells)
+            console.print(table)
+        console.print(f"paper at its end: {_compare.whole_message(entry)}\n", highlight=False)
 
 
 COST_HEADER = ("phase", "measured [ms]", "Mflop", "MB", "floor [ms]", "measured / floor")
 PAPER_HEADER = ("measure", "default", "paper", "default has")
+SOFT, WHOLE = "both methods on soft ground", "whole solves on the scenario's ground"
 
 
 def cost_line(cost: dict[str, Any]) -> str:
@@ -132,7 +136,7 @@ def _measured(suite: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
 
 def _compared(paper: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     entries = paper.get("scenarios", {}).items()
-    return [(n, e) for n, e in entries if all(m in e for m in _compare.METHOD_NAMES)]
+    return [(n, e) for n, e in entries if all(m in e for m in _compare.RUNS)]
 
 
 # ---- docs/results.md -----------------------------------------------------------------------------

@@ -7,7 +7,8 @@ counts, along the axes that count.
 
 Place error: horizontal distance between the center of mass and its target at the target's time,
 over the length of one jump: the horizontal distance between two targets of the same term, or the
-height of the apex where the jump stays in place. Targets of height alone do not count. Root mean square over all targets.
+height of the apex where the jump stays in place. Targets of height alone do not count. Root mean
+square over all targets.
 
 Apex: a target is one when it lies at least half as high above the start as the highest target.
 Flight: no more than 1 % of the body weight on all contact points together, at the frame nearest to

@@ -13,7 +13,8 @@ __all__ = ["InterruptFlag"]
 class InterruptFlag:
     """While active, the first Ctrl-C sets `raised`; the second one raises `KeyboardInterrupt`.
 
-    Outside of the main thread, where Python takes no signals, it does nothing.
+    Outside of the main thread, where Python takes no signals, it does nothing; nor where the
+    program ignores Ctrl-C.
 
     Examples
     --------
@@ -28,9 +29,10 @@ class InterruptFlag:
         self._before: Any = None
 
     def __enter__(self) -> InterruptFlag:
-        if threading.current_thread() is threading.main_thread():
-            self._before = signal.getsignal(signal.SIGINT)
-            signal.signal(signal.SIGINT, self._take)
+        before = signal.getsignal(signal.SIGINT)
+        main = threading.current_thread() is threading.main_thread()
+        if main and before is not None and before is not signal.SIG_IGN:
+            self._before = signal.signal(signal.SIGINT, self._take)
         return self
 
     def __exit__(

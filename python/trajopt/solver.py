@@ -189,6 +189,8 @@ def solve(
             kind = "periodic" if problem.periodic else problem.formulation
             raise ArgumentError(f"solve: refine needs frames that are not periodic, not {kind}")
     passes = list(enumerate(_stages(METHODS[method].stages if stages is None else stages)))
+    if problem.contact is None and stages is None:
+        passes = passes[-1:]  # nothing that could grow stiffer
     if warm_start is not None and stages is None:
         passes = _remaining(passes, warm_start)
     limit = MAX_ITERATIONS if max_iterations is None else max_iterations

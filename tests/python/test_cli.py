@@ -10,7 +10,7 @@ import trajopt
 from synthetic import motion
 from trajopt.cli import main
 
-QUICK = ["--max-iterations", "3", "--set", "grid.duration=0.5"]
+QUICK = ["--max-iterations", "3", "--set", "grid.duration=1.5"]
 JSON_KEYS = {
     "status",
     "message",

@@ -133,7 +133,7 @@ def test_bad_arguments(changes, message):
 
 
 def test_model_must_be_a_model():
-    with pytest.raises(trajopt.ArgumentTypeError, match="model must be a Model .*, not str"):
+    with pytest.raises(trajopt.ArgumentTypeError, match=r"model must be a Model .*, not str"):
         trajopt.Problem("chain", duration=1.0, dt=0.05)
 
 

@@ -63,9 +63,7 @@ def test_poses_off_the_ground_are_moved_with_a_warning(offset, message):
 def test_soft_ground_is_sunk_into_deeper():
     model = trajopt.load_model("mammal")
     problem = trajopt.Problem(model, duration=1.0, dt=0.05)
-    soft, hard = (
-        model.lowest_point(start(problem, Stage(stiffness=s))[1]) for s in (1 / 50, 1.0)
-    )
+    soft, hard = (model.lowest_point(start(problem, Stage(stiffness=s))[1]) for s in (1 / 50, 1.0))
     assert soft < 5 * hard < 0
 
 
