@@ -321,9 +321,15 @@ def softplus(y: Array, e: float = 0.5) -> Array:
 
 
 def friction_weight(law: Law, dt: float) -> float:
-    """Share theta of the newer velocity that keeps stiff friction from flipping frame by frame."""
+    """Share theta of the newer velocity: the least for which a sliding point keeps z >= -1/2.
+
+    z = (1 - 2 (1 - theta) a) / (1 + 2 theta a), a = rate / 2, is the factor per frame of its slip.
+    """
     if law.normal <= 0.0:
         return 0.5
     drag = law.mu / law.slip_velocity if law.coulomb else law.friction / law.normal
     rate = float(np.linalg.norm(law.gravity)) * drag * dt
-    return max(0.5, 1.0 - 1.0 / rate) if rate > 0.0 else 0.5
+    if rate <= 0.0:
+        return 0.5
+    # z grows with theta: z = -1/2 is 1 - rate + theta rate = -(1 + theta rate) / 2.
+    return max(0.5, (rate - 1.5) / (1.5 * rate))
