@@ -8,7 +8,7 @@ namespace trajopt {
 
 namespace {
 
-constexpr double kRefineTolerance = 1e-12;  // of the residual relative to the right-hand side
+constexpr double kRefineTolerance = 1e-13;  // of the residual relative to the right-hand side
 
 }  // namespace
 

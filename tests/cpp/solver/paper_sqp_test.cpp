@@ -46,7 +46,8 @@ TEST_P(PaperSqp, SolvesByItsOwnRules) {
   }
 }
 
-// Both solvers end in the same place: the problem has one good minimum.
+// Both solvers end in nearly the same place, the funnel not above the paper. On the spline they end
+// in two minima 2.8 % apart: tighter tolerances move neither.
 TEST_P(PaperSqp, AgreesWithTheFunnel) {
   double objective[2];
   for (int k = 0; k < 2; ++k) {
@@ -66,7 +67,8 @@ TEST_P(PaperSqp, AgreesWithTheFunnel) {
     c.problem->evaluate(c.state, e);
     objective[k] = e.objective;
   }
-  EXPECT_NEAR(objective[0], objective[1], 0.01 * objective[1]);
+  EXPECT_LE(objective[1], objective[0] * (1 + 1e-3));
+  EXPECT_NEAR(objective[0], objective[1], 0.04 * objective[1]);
 }
 
 TEST_P(PaperSqp, SameBitsForAnyThreadCount) {

@@ -60,9 +60,9 @@ def test_default_contact_scales_with_the_model(name):
     model = load_model(name)
     law = Contact().resolved(model)
     depth = np.sqrt(model.mass * 9.81 / (len(model.support_points) * law.normal))
-    assert depth == pytest.approx(0.01 * model.length)
-    # Half the normal force at 1 % of the model's own speed.
-    assert law.friction / law.normal * 0.01 * np.sqrt(9.81 * model.length) == pytest.approx(0.5)
+    assert depth == pytest.approx(0.008 * model.length)
+    # Half the normal force at 2.5 % of the model's own speed.
+    assert law.friction / law.normal * 0.025 * np.sqrt(9.81 * model.length) == pytest.approx(0.5)
 
 
 def test_given_parameters_stay():
