@@ -50,12 +50,13 @@ CallbackObjective make_callback(const std::string& name, int rows, double weight
     const auto result =
         function(reinterpret_cast<std::uintptr_t>(frames), jacobian != nullptr).cast<py::tuple>();
     const Array r = result[0].cast<Array>();
+    require_shape(r, {-1, rows}, "residual of a callback");
     std::memcpy(residual, r.data(), r.size() * sizeof(double));
     if (jacobian != nullptr) {
       const Array j = result[1].cast<Array>();
+      require_shape(j, {r.shape(0), rows, -1}, "Jacobian of a callback");
       std::memcpy(jacobian, j.data(), j.size() * sizeof(double));
     }
-    (void)rows;
   };
   return {name, rows, weight, call};
 }

@@ -78,14 +78,14 @@ class Transcription:
             if problem.contact is None
             else problem.contact.resolved(problem.model, problem.gravity)
         )
-        self.factors: dict[str, float] = {}
+        self.factors: dict[str, float] | None = None  # of the tasks, once normalized
         self._place: FloatArray | None = None
         self.settle_residual = 0.0
 
     def on_grid(self, steps: FloatArray) -> Transcription:
         """Return the same with other time steps [s]; terms keep the factors they have."""
         other = Transcription(self.problem.with_steps(steps), self.threads)
-        other.factors = dict(self.factors)
+        other.factors = None if self.factors is None else dict(self.factors)
         other._place = self._place
         return other
 
@@ -160,14 +160,15 @@ class Transcription:
             problem.model, self.core, self.scales, problem.times, problem.steps, initial
         )
         for label, term in zip(self._labels(), problem.terms, strict=True):
-            builder.start(label, self.factors.get(label, 1.0))
+            builder.start(label, (self.factors or {}).get(label, 1.0))
             term.emit(builder)
         return builder
 
     def normalize(self, initial: FloatArray) -> None:
         """Scale every task so that it costs its weight on the initial guess (Pan section 8)."""
-        if self.factors:
+        if self.factors is not None:
             return
+        self.factors = {}
         guess = self.still(initial)
         core = self._core_problem(Stage(), initial, self._builder(initial[1]).objective)
         values = dict(zip(*self._term_values(core, guess), strict=True))
@@ -179,7 +180,6 @@ class Transcription:
         for label, term in tasks.items():
             cost = values.get(label, 0.0)
             self.factors[label] = term.weight / cost if cost > UNREACHED else 1.0  # type: ignore[attr-defined]
-        self.factors.setdefault("", 1.0)
 
     def _labels(self) -> list[str]:
         counts: dict[str, int] = {}

@@ -76,7 +76,7 @@ State TrajectoryProblem::state_from_frames(const double* frames) const {
 }
 
 void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frames) const {
-  const int nq = model_.nq, d = model_.ndof;
+  const int nq = model_.nq;
   frames.resize(static_cast<std::size_t>(frame_count_ + 2) * nq);
   std::copy(initial_.begin(), initial_.end(), frames.begin());
   if (spline_) {
@@ -84,7 +84,6 @@ void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frame
     q.insert(q.end(), state.begin(), state.begin() + nodes_ * nq);
     v.insert(v.end(), state.begin() + nodes_ * nq, state.end());
     spline_->frames(q.data(), v.data(), frames.data() + nq);
-    (void)d;
     return;
   }
   std::copy(state.begin(), state.end(), frames.begin() + 2 * nq);
