@@ -3,7 +3,8 @@
 #
 #   make demo    solve the built-in hop; write the motion and its pictures under out/
 #   make test    C++ tests (ctest) and Python tests (pytest)
-#   make lint    ruff, mypy, clang-format
+#   make lint    ruff, mypy, clang-format, docs
+#   make docs    the documentation as a web site, under build/site
 #   make format  let ruff and clang-format rewrite the files
 #   make bench   benchmarks of the core
 #   make clean   remove build trees and results; `make distclean` removes .venv too
@@ -18,7 +19,7 @@ PIP := $(BIN)/python -m pip install --quiet
 CPP_FILES = $(shell find cpp python/bindings tests/cpp bench cuda -name '*.h' -o -name '*.cpp' \
                     -o -name '*.cu' -o -name '*.cuh' 2>/dev/null)
 
-.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp format tidy bench clean \
+.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp docs format tidy bench clean \
         distclean install
 .DELETE_ON_ERROR:
 
@@ -66,7 +67,7 @@ test-python: $(VENV)/extra-test install
 
 # --- quality -------------------------------------------------------------------------------------
 
-lint: lint-python lint-types lint-cpp
+lint: lint-python lint-types lint-cpp docs
 
 lint-python: $(VENV)/extra-dev
 	$(BIN)/ruff check .
@@ -77,6 +78,10 @@ lint-types: $(VENV)/extra-dev install
 
 lint-cpp: $(VENV)/extra-dev
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
+
+# A page that is in no menu and a link that leads nowhere are errors.
+docs: $(VENV)/extra-dev
+	$(BIN)/mkdocs build --quiet --strict --site-dir build/site
 
 format: $(VENV)/extra-dev
 	$(BIN)/ruff check --fix .

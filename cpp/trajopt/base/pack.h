@@ -22,8 +22,8 @@ struct PackTypes;  // spelled out: GCC ignores a vector_size that depends on a t
 #define TRAJOPT_PACK_TYPES(W)                                      \
   template <>                                                      \
   struct PackTypes<W> {                                            \
-    typedef double Vector __attribute__((vector_size(W * 8)));     \
-    typedef std::int64_t Mask __attribute__((vector_size(W * 8))); \
+    typedef double Vector __attribute__((vector_size((W)*8)));     \
+    typedef std::int64_t Mask __attribute__((vector_size((W)*8))); \
   }
 TRAJOPT_PACK_TYPES(2);
 TRAJOPT_PACK_TYPES(4);
