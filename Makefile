@@ -1,5 +1,5 @@
-# Everything runs inside .venv; cmake and ninja come with it, so only Python >= 3.10 with venv, a C++20
-# compiler and make must be there before.
+# Everything runs inside .venv; cmake and ninja come with it, so only Python >= 3.10 with its headers
+# and venv, a C++20 compiler and make must be there before.
 #
 #   make demo    solve the built-in hop; write the motion and its pictures under out/
 #   make test    C++ tests (ctest) and Python tests (pytest)
@@ -36,6 +36,8 @@ $(BIN)/python:
 
 # Build tools live in .venv, so that rebuilding after an edit recompiles only what changed.
 $(VENV)/build-tools: pyproject.toml | $(BIN)/python
+	@CPATH=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("include"))') \
+	  .ci/native-dependency Python.h python3-dev
 	$(PIP) 'scikit-build-core>=0.11' 'pybind11>=2.12' 'cmake>=3.20' ninja
 	@touch $@
 
