@@ -8,7 +8,8 @@
 // Group is Serial (one rank, no barrier), a CUDA thread block (cuda/trajopt/cuda/base/
 // thread_block.h), or Emulated: many ranks on one processor, one after the other in a chosen order.
 // An algorithm that gives the same bits for all of them has neither a race nor a dependence on the
-// number of threads. What a rank keeps from phase to phase lives in a Group::Local<T>.
+// number of threads. What a rank keeps from phase to phase lives in a Group::Local<T>. What several
+// groups write is a minimum or a maximum, which no order changes: lower() and raise().
 #pragma once
 
 #include <vector>
@@ -16,6 +17,12 @@
 #include "trajopt/base/hd.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
+
+// The larger one, or NaN if there is one.
+TRAJOPT_HD inline double largest(double a, double b) {
+  if (a != a) return a;
+  return b != b || b > a ? b : a;
+}
 
 // TRAJOPT_HD so that bodies marked likewise may use it; the device has a group of its own.
 class Serial {
@@ -35,6 +42,11 @@ class Serial {
   TRAJOPT_HD void phase(const Body& body) const {
     body(0);
   }
+  TRAJOPT_HD void lower(int* where, int value) const {
+    if (value < *where) *where = value;
+  }
+  // For magnitudes: values that are not negative, or NaN, which wins.
+  TRAJOPT_HD void raise(double* where, double value) const { *where = largest(*where, value); }
 };
 
 enum class RankOrder { forward, reverse };
@@ -58,6 +70,8 @@ class Emulated {
   void phase(const Body& body) const {
     for (int i = 0; i < size_; ++i) body(order_ == RankOrder::forward ? i : size_ - 1 - i);
   }
+  void lower(int* where, int value) const { Serial{}.lower(where, value); }
+  void raise(double* where, double value) const { Serial{}.raise(where, value); }
 
  private:
   int size_;

@@ -1,5 +1,5 @@
 // Elimination of one block with its couplings by a group of threads: A = Wt D W, U = W^-T S and
-// V = D^-1 U, with the bits of the kernels in eliminate.h.
+// V = D^-1 U, with the bits of the SIMD kernel.
 //
 // Panels of kPanel rows, the last one first. Every column of the trapezoid (block | left coupling |
 // right coupling) is one chain per element, computed by one rank in registers from the rows below.

@@ -1,5 +1,5 @@
 // target = source - Vt U - V't U' by a group of threads, one tile of the target at a time, with the
-// bits of the kernel in update.h: per element one chain over the rows of V and U, the last first.
+// bits of the SIMD kernel: per element one chain over the rows of V and U, the last first.
 //
 // The tile's operands pass through shared memory kRows rows at a time; a rank keeps a square of
 // kSquare x kSquare elements in registers. Floor for a whole block: 2 B^3 flops for each term,

@@ -1,5 +1,5 @@
 // Block times vectors by a group of threads: triangular substitution and products with size x m
-// right-hand sides, with the bits of the kernels in block_vector.h.
+// right-hand sides, with the bits of the SIMD kernels.
 //
 // A column's chain does not depend on m: a rank takes one row and up to kSide columns at a time.
 // Matrices that are read along a row by one rank pass through shared memory, so that a warp reads

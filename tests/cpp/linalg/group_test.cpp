@@ -1,16 +1,17 @@
-// The operations for groups of threads against the SIMD kernels, bit for bit: with one rank, and
-// with many that take their turns in either order, which shows races and a dependence on the order.
+// The operations for groups of threads against the definition that the SIMD kernels equal too, bit
+// for bit: with one rank, and with many that take their turns in either order, which shows races
+// and a dependence on the order.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "linalg/random_matrix.h"
+#include "linalg/reference.h"
 #include "trajopt/base/buffer.h"
-#include "trajopt/linalg/block_buffer.h"
-#include "trajopt/linalg/block_kernels.h"
 #include "trajopt/linalg/group_eliminate.h"
 #include "trajopt/linalg/group_update.h"
 #include "trajopt/linalg/group_vector.h"
@@ -18,44 +19,46 @@
 namespace trajopt::linalg {
 namespace {
 
-// A matrix with padded rows and spare memory behind the end, as the SIMD kernels want it.
+using Values = std::vector<double>;
+using test::random_vector;
+
+// A square matrix with padded rows; nothing behind the last element.
 class Padded {
  public:
-  Padded(int rows, int columns, unsigned seed) : Padded(rows, columns) {
-    const std::vector<double> from = test::random_vector(std::size_t(rows) * columns, seed);
-    for (int i = 0; i < rows; ++i) std::copy_n(&from[i * columns], columns, data() + i * ld_);
+  explicit Padded(int n, const Values& from = {})
+      : n_(n), ld_((n + 3) / 4 * 4), data_((n - 1) * ld_ + n, -7.0) {
+    for (int i = 0; i < n && !from.empty(); ++i) {
+      for (int j = 0; j < n; ++j) (*this)(i, j) = from[i * n + j];
+    }
   }
-  Padded(int rows, int columns)
-      : rows_(rows), columns_(columns), ld_(padded(columns)), buffer_(rows * padded(columns)) {}
-  double* data() const { return buffer_.data(); }
+  double* data() { return data_.data(); }
+  const double* data() const { return data_.data(); }
   long ld() const { return ld_; }
-  double& operator()(int i, int j) const { return data()[i * ld_ + j]; }
-  int rows() const { return rows_; }
-  int columns() const { return columns_; }
+  double& operator()(int i, int j) { return data_[i * ld_ + j]; }
+  double operator()(int i, int j) const { return data_[i * ld_ + j]; }
+  int size() const { return n_; }
 
  private:
-  int rows_, columns_;
+  int n_;
   long ld_;
-  BlockBuffer buffer_;
+  Values data_;
 };
 
 enum class Part { all, lower, strictly_lower };
 
-void expect_same_bits(const Padded& actual, const Padded& expected, const char* what,
+bool same(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+
+void expect_same_bits(const Padded& actual, const Values& expected, const char* what,
                       Part part = Part::all) {
-  for (int i = 0; i < expected.rows(); ++i) {
-    const int all = expected.columns();
-    const int columns = part == Part::all ? all : (part == Part::lower ? i + 1 : i);
+  const int n = actual.size();
+  for (int i = 0; i < n; ++i) {
+    const int columns = part == Part::all ? n : (part == Part::lower ? i + 1 : i);
     for (int j = 0; j < columns; ++j) {
-      ASSERT_EQ(std::memcmp(&actual(i, j), &expected(i, j), sizeof(double)), 0)
+      ASSERT_TRUE(same(actual(i, j), expected[i * n + j]))
           << what << " (" << i << ", " << j << "): " << actual(i, j) << " instead of "
-          << expected(i, j);
+          << expected[i * n + j];
     }
   }
-}
-
-void copy(const Padded& from, const Padded& to) {
-  std::copy_n(from.data(), from.rows() * from.ld(), to.data());
 }
 
 // Exactly the bytes asked for, so that the address sanitizer sees every access beyond them.
@@ -87,126 +90,99 @@ void for_groups(int size, const Body& body) {
 class GroupTest : public testing::TestWithParam<int> {
  protected:
   int size() const { return GetParam(); }
-  const BlockKernels& kernels() const { return block_kernels(Isa::avx512); }
+  Values random(unsigned seed) const { return random_vector(std::size_t(size()) * size(), seed); }
 };
 
 struct Eliminated {
   Padded w, u, v_left, v_right, u_left, u_right;
-  std::vector<double> inverse;
+  Values inverse;
   explicit Eliminated(int n)
-      : w(n, n), u(n, n), v_left(n, n), v_right(n, n), u_left(n, n), u_right(n, n), inverse(n) {}
+      : w(n), u(n), v_left(n), v_right(n), u_left(n), u_right(n), inverse(n) {}
+
+  group::Elimination task(const Values& original, const signed char* signs) {
+    group::Elimination e;
+    e.size = w.size();
+    e.ld = w.ld();
+    e.diagonal = e.original = original.data();
+    e.diagonal_ld = w.size();
+    e.signs = signs;
+    e.w = w.data();
+    e.u = u.data();
+    e.inverse = inverse.data();
+    return e;
+  }
 };
 
 TEST_P(GroupTest, Eliminate) {
   const int n = size();
   const auto signs = test::mixed_signs(n, n);
-  const Padded a(n, n, 1), left(n, n, 2), right(n, n, 3);
-  std::vector<double> original(n * n);
+  Values a = random(1);
+  const Values left = random(2), right = random(3);
+  Values right_transposed(n * n);
   for (int i = 0; i < n; ++i) {
-    a(i, i) = signs[i] * (4.0 * n + 1.0 + a(i, i) * 0.1);
-    for (int j = i + 1; j < n; ++j) a(i, j) = std::nan("");
-    std::copy_n(&a(i, 0), n, &original[i * n]);
+    a[i * n + i] = signs[i] * (4.0 * n + 1.0 + a[i * n + i] * 0.1);
+    for (int j = 0; j < n; ++j) right_transposed[j * n + i] = right[i * n + j];
+    for (int j = i + 1; j < n; ++j) a[i * n + j] = std::nan("");
   }
-  for (bool with_left : {true, false}) {
-    for (bool with_right : {true, false}) {
-      Eliminated expected(n);
-      Elimination e;
-      e.size = n;
-      e.ld = e.diagonal_ld = a.ld();
-      e.diagonal = a.data();
-      e.original = original.data();
-      e.signs = signs.data();
-      e.regularization = 0.25;
-      e.w = expected.w.data();
-      e.u = expected.u.data();
-      e.inverse = expected.inverse.data();
-      if (with_left) {
-        e.left = {left.data(), left.ld(), expected.v_left.data(), expected.u_left.data()};
-      }
-      if (with_right) {
-        e.right = {right.data(), right.ld(), expected.v_right.data(), expected.u_right.data()};
-      }
-      ASSERT_EQ(kernels().eliminate(e).row, -1);
+  Values w = a, inverse(n);
+  std::vector<Values> v = {left, right}, u;
+  reference::eliminate(n, w, inverse, v, u, signs.data(), 0.25);
 
-      for_groups(n, [&](const auto& group) {
-        Eliminated actual(n);
-        copy(a, actual.w);  // in place, as a block that has been updated before
-        const Padded transposed(n, n);
-        kernels().transpose(n, right.data(), right.ld(), transposed.data(), transposed.ld());
-        copy(left, actual.v_left);
-        group::Elimination g;
-        g.size = n;
-        g.ld = g.diagonal_ld = a.ld();
-        g.diagonal = g.w = actual.w.data();
-        g.original = original.data();
-        g.signs = signs.data();
-        g.regularization = 0.25;
-        g.u = actual.u.data();
-        g.inverse = actual.inverse.data();
-        if (with_left) {
-          g.left = {actual.v_left.data(), a.ld(), 1, actual.v_left.data(), actual.u_left.data()};
+  for (int couplings = 0; couplings < 4; ++couplings) {
+    for_groups(n, [&](const auto& group) {
+      for (bool in_place : {false, true}) {
+        Eliminated out(n);
+        if (in_place) {  // as a block that was updated, and a coupling that is fill
+          out.w = Padded(n, a);
+          out.v_left = Padded(n, left);
         }
-        if (with_right) {
-          g.right = {transposed.data(), 1, transposed.ld(), actual.v_right.data(),
-                     actual.u_right.data()};
+        group::Elimination e = out.task(a, signs.data());
+        e.regularization = 0.25;
+        if (in_place) {
+          e.diagonal = out.w.data();
+          e.diagonal_ld = out.w.ld();
+        }
+        if (couplings & 1) {
+          e.left = {left.data(), n, 1, out.v_left.data(), out.u_left.data()};
+          if (in_place) e.left.source = out.v_left.data(), e.left.row = out.v_left.ld();
+        }
+        if (couplings & 2) {
+          e.right = {right_transposed.data(), 1, n, out.v_right.data(), out.u_right.data()};
         }
         const Space space(group::EliminationSpace::bytes(n));
-        ASSERT_EQ(group::eliminate(group, g, group::EliminationSpace(space.get(), n)), -1);
-        expect_same_bits(actual.w, expected.w, "W", Part::strictly_lower);
-        ASSERT_EQ(std::memcmp(actual.inverse.data(), expected.inverse.data(), n * 8), 0);
-        if (with_left) {
-          expect_same_bits(actual.v_left, expected.v_left, "left V");
-          expect_same_bits(actual.u_left, expected.u_left, "left U");
+        ASSERT_EQ(group::eliminate(group, e, group::EliminationSpace(space.get(), n)), -1);
+        expect_same_bits(out.w, w, "W", Part::strictly_lower);
+        ASSERT_EQ(std::memcmp(out.inverse.data(), inverse.data(), n * sizeof(double)), 0);
+        if (couplings & 1) {
+          expect_same_bits(out.v_left, v[0], "left V");
+          expect_same_bits(out.u_left, u[0], "left U");
         }
-        if (with_right) {
-          expect_same_bits(actual.v_right, expected.v_right, "right V");
-          expect_same_bits(actual.u_right, expected.u_right, "right U");
+        if (couplings & 2) {
+          expect_same_bits(out.v_right, v[1], "right V");
+          expect_same_bits(out.u_right, u[1], "right U");
         }
-      });
-    }
+      }
+    });
   }
 }
 
 TEST_P(GroupTest, EliminateNamesTheFailingPivot) {
   const int n = size();
+  const double inf = std::numeric_limits<double>::infinity();
   for (int bad : {0, n / 2, n - 1}) {
-    for (double value : {0.0, -1e3, double(INFINITY), std::nan("")}) {
-      const Padded a(n, n, 1);
-      std::vector<double> original(n * n);
+    for (double value : {0.0, -1e3, inf, -inf, 1e-310, std::nan("")}) {
+      Values a = random(1);
       for (int i = 0; i < n; ++i) {
-        a(i, i) = 4.0 * n + 1.0;
-        for (int j = 0; j < n; ++j) {
-          if (i == bad && j < i) a(i, j) = 0.0;
-          if (j == bad && i > j) a(i, j) = 0.0;
-        }
-        if (i == bad) a(i, i) = value;
-        std::copy_n(&a(i, 0), n, &original[i * n]);
+        a[i * n + i] = 4.0 * n + 1.0;
+        a[i * n + bad] = a[bad * n + i] = 0.0;  // coupled to nothing: the pivot is the element
       }
-      Eliminated space(n);
-      Elimination e;
-      e.size = n;
-      e.ld = e.diagonal_ld = a.ld();
-      e.diagonal = a.data();
-      e.original = original.data();
-      e.w = space.w.data();
-      e.u = space.u.data();
-      e.inverse = space.inverse.data();
-      const Pivot expected = kernels().eliminate(e);
-      ASSERT_EQ(expected.row, bad);
+      a[bad * n + bad] = value;
       for_groups(n, [&](const auto& group) {
         Eliminated out(n);
-        group::Elimination g;
-        g.size = n;
-        g.ld = g.diagonal_ld = a.ld();
-        g.diagonal = a.data();
-        g.original = original.data();
-        g.w = out.w.data();
-        g.u = out.u.data();
-        g.inverse = out.inverse.data();
         const Space memory(group::EliminationSpace::bytes(n));
-        const group::EliminationSpace shared(memory.get(), n);
-        ASSERT_EQ(group::eliminate(group, g, shared), expected.row);
-        ASSERT_EQ(std::memcmp(&shared.failed->value, &expected.value, 8), 0);
+        const group::EliminationSpace space(memory.get(), n);
+        ASSERT_EQ(group::eliminate(group, out.task(a, nullptr), space), bad) << value;
+        ASSERT_TRUE(same(space.failed->value, value)) << space.failed->value;
       });
     }
   }
@@ -214,80 +190,74 @@ TEST_P(GroupTest, EliminateNamesTheFailingPivot) {
 
 TEST_P(GroupTest, Update) {
   const int n = size();
-  const Padded source(n, n, 4), v(n, n, 5), u(n, n, 6), v2(n, n, 7), u2(n, n, 8);
-  const Padded expected(n, n), negative(n, n);
-  kernels().update(n, n, n, source.data(), source.ld(), expected.data(), expected.ld(), v.data(),
-                   u.data(), v.ld(), false);
-  kernels().update(n, n, n, expected.data(), expected.ld(), expected.data(), expected.ld(),
-                   v2.data(), u2.data(), v2.ld(), false);
-  kernels().update(n, n, n, nullptr, 0, negative.data(), negative.ld(), v.data(), u.data(), v.ld(),
-                   false);
+  const Values source = random(4), v = random(5), u = random(6), v2 = random(7), u2 = random(8);
+  Values once, expected, from_zero;
+  reference::update(n, source, once, v, u);
+  reference::update(n, once, expected, v2, u2);
+  reference::update(n, Values(n * n, 0.0), from_zero, v, u);
+  const Padded pv(n, v), pu(n, u), pv2(n, v2), pu2(n, u2);
   for_groups(n, [&](const auto& group) {
     const Space space(group::update_bytes(n));
-    const auto run = [&](group::Update p) {
+    const auto run = [&](const group::Update& p) {
       for (int i = 0; i < group::update_tiles(n); ++i) {
         for (int j = 0; j < (p.lower ? i + 1 : group::update_tiles(n)); ++j) {
           group::update_tile(group, p, i, j, space.get());
         }
       }
     };
-    const Padded whole(n, n), lower(n, n), from_zero(n, n);
-    copy(source, lower);
+    Padded whole(n), lower(n, source), fill(n);
     group::Update p;
     p.size = n;
-    p.ld = v.ld();
+    p.ld = pv.ld();
     p.source = source.data();
-    p.source_ld = p.target_ld = source.ld();
+    p.source_ld = n;
     p.target = whole.data();
+    p.target_ld = whole.ld();
     p.terms = 2;
-    p.term[0] = {v.data(), u.data()};
-    p.term[1] = {v2.data(), u2.data()};
+    p.term[0] = {pv.data(), pu.data()};
+    p.term[1] = {pv2.data(), pu2.data()};
     run(p);
     expect_same_bits(whole, expected, "whole");
     p.lower = true;
     p.source = p.target = lower.data();
+    p.source_ld = lower.ld();
     run(p);
     expect_same_bits(lower, expected, "lower", Part::lower);
-    for (int i = 0; i < n; ++i) {
-      for (int j = i + 1; j < n; ++j) {
-        ASSERT_EQ(lower(i, j), source(i, j)) << "wrote above the diagonal";
-      }
-    }
     p.lower = false;
     p.source = nullptr;
-    p.target = from_zero.data();
+    p.target = fill.data();
     p.terms = 1;
     run(p);
-    expect_same_bits(from_zero, negative, "from zero");
+    expect_same_bits(fill, from_zero, "from zero");
   });
 }
 
 TEST_P(GroupTest, Vectors) {
   const int n = size();
-  const Padded w(n, n, 9);
+  const Values w = random(9);
+  const Padded a(n, w);
   for (int m : {1, 3, 8}) {
     if (n > 100 && m == 3) continue;
-    const std::vector<double> x = test::random_vector(n * m, 10);
-    const std::vector<double> start = test::random_vector(n * m, 11);
-    std::vector<double> expected[5] = {start, start, start, start, start};
-    kernels().subtract(n, n, w.data(), w.ld(), x.data(), expected[0].data(), m, m, m);
-    kernels().subtract_transposed(n, n, w.data(), w.ld(), x.data(), expected[1].data(), m, m, m);
-    kernels().subtract_symmetric(n, w.data(), w.ld(), x.data(), expected[2].data(), m, m, m);
-    kernels().substitute(n, w.data(), w.ld(), expected[3].data(), m, m);
-    kernels().substitute_transposed(n, w.data(), w.ld(), expected[4].data(), m, m);
+    const Values x = random_vector(n * m, 10), start = random_vector(n * m, 11);
+    Values expected[5] = {start, start, start, start, start};
+    reference::subtract(n, n, w, x, expected[0], m);
+    reference::subtract_transposed(n, n, w, x, expected[1], m);
+    reference::subtract_symmetric(n, w, x, expected[2], m);
+    reference::substitute(n, w, expected[3], m);
+    reference::substitute_transposed(n, w, expected[4], m);
     for_groups(n, [&](const auto& group) {
       const Space space(group::vector_bytes(n));
       double* s = space.doubles();
-      std::vector<double> y[5] = {start, start, start, start, start};
-      group::subtract(group, n, n, w.data(), w.ld(), x.data(), y[0].data(), m, m, m, s);
-      group::subtract_transposed(group, n, n, w.data(), w.ld(), x.data(), y[1].data(), m, m, m);
-      group::subtract_symmetric(group, n, w.data(), w.ld(), x.data(), y[2].data(), m, m, m, s);
-      group::substitute(group, n, w.data(), w.ld(), y[3].data(), m, m, s);
-      group::substitute_transposed(group, n, w.data(), w.ld(), y[4].data(), m, m, s);
+      Values y[5] = {start, start, start, start, start};
+      group::subtract(group, n, n, a.data(), a.ld(), x.data(), y[0].data(), m, m, m, s);
+      group::subtract_transposed(group, n, n, a.data(), a.ld(), x.data(), y[1].data(), m, m, m);
+      group::subtract_symmetric(group, n, a.data(), a.ld(), x.data(), y[2].data(), m, m, m, s);
+      group::substitute(group, n, a.data(), a.ld(), y[3].data(), m, m, s);
+      group::substitute_transposed(group, n, a.data(), a.ld(), y[4].data(), m, m, s);
       const char* names[] = {"subtract", "subtract_transposed", "subtract_symmetric", "substitute",
                              "substitute_transposed"};
       for (int k = 0; k < 5; ++k) {
-        ASSERT_EQ(std::memcmp(y[k].data(), expected[k].data(), 8 * y[k].size()), 0)
+        ASSERT_EQ(std::memcmp(y[k].data(), expected[k].data(), sizeof(double) * n * m), 0)
             << names[k] << " with " << m << " columns";
       }
     });

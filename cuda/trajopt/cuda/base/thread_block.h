@@ -25,10 +25,18 @@ class ThreadBlock {
     body(static_cast<int>(threadIdx.x));
     __syncthreads();
   }
+  __device__ void lower(int* where, int value) const { atomicMin(where, value); }
+  // The bits of doubles that are not negative are ordered like the doubles, NaN above all.
+  __device__ void raise(double* where, double value) const {
+    atomicMax(reinterpret_cast<unsigned long long*>(where),
+              static_cast<unsigned long long>(__double_as_longlong(value)));
+  }
 #else
   TRAJOPT_HD int size() const { return 0; }
   template <class Body>
   TRAJOPT_HD void phase(const Body&) const {}
+  TRAJOPT_HD void lower(int*, int) const {}
+  TRAJOPT_HD void raise(double*, double) const {}
 #endif
 };
 
