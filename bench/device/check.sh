@@ -18,6 +18,7 @@ EACH=${SECONDS_EACH:-0.3}
 export PATH=$PATH:/usr/local/cuda/bin
 parts=${*:-build test sanitize bench peers}
 mkdir -p "$OUT" "$BUILD"
+OUT=$(cd "$OUT" && pwd) BUILD=$(cd "$BUILD" && pwd)
 ROWS=$BUILD/rows.jsonl
 failed=() left_out=()
 
@@ -56,7 +57,7 @@ build() {
     rm -rf "$BUILD/stage" && mkdir -p "$BUILD/stage" && cp -r python/trajopt "$BUILD/stage/" &&
     cp "$BUILD"/python/bindings/_core*.so "$BUILD/stage/trajopt/"
 }
-export PYTHONPATH=$PWD/$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
+export PYTHONPATH=$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
 
 if wanted build; then
   try "build" build
