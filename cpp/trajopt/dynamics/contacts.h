@@ -56,9 +56,8 @@ TRAJOPT_HD inline void add_point_stiffness(const ModelView& model, const Stencil
       for (int k = 0; k < 3; ++k) ws.tested[(q * 3 + k) * n + i] = sum[q][k];
   }
   for (int q = 0; q < 3; ++q) {
-    const Panel<S> rows{ws.tested + q * 3 * n, n, ws.chain, n};
-    const Panel<S> columns{ws.directions + q * 3 * n, n, ws.chain, n};
-    add_products(3, rows, columns, false, false, jacobians[q], model.ndof);
+    const Panel<S> panel{ws.tested + q * 3 * n, ws.directions + q * 3 * n, 3};
+    add_products(&panel, 1, ws.chain, n, false, false, jacobians[q], model.ndof);
   }
 }
 

@@ -17,18 +17,18 @@ TRAJOPT_HD inline void add_rows_of_point(const ModelView& model, DynamicsWorkspa
                                          RowList<S>& out) {
   int* chain = out.dofs();
   const int n = chain_of(model, joint, chain);
-  const int stride = nodes * n;
-  S* directions = ws.directions;
   for (int q = 0; q < nodes; ++q) {
-    point_directions(model, ws, chain, n, q, p[q], directions);
-    S* to = out.jacobian() + q * n;
-    for (int i = 0; i < n; ++i, ++to) {
+    const S* directions = ws.directions;
+    point_directions(model, ws, chain, n, q, p[q], ws.directions);
+    S* to = out.jacobian() + q * 3 * n;
+    for (int i = 0; i < n; ++i) {
       const Vec3<S> column =
           by[q] * Vec3<S>{directions[i], directions[n + i], directions[2 * n + i]};
-      for (int k = 0; k < 3; ++k) to[k * stride] = column[k];
+      for (int k = 0; k < 3; ++k) to[k * n + i] = column[k];
     }
   }
-  out.add(3, nodes, n, chain);
+  const bool all = n == model.ndof;
+  out.add(all ? RowList<S>::kEverywhere : chain[n - 1], 3, nodes, n, all ? out.every_dof() : chain);
 }
 
 template <class S, bool Derivatives>
@@ -61,7 +61,7 @@ TRAJOPT_HD inline void contact_rate_rows(const ModelView& model, const Physics& 
       }
       add_rows_of_point(model, ws, point.joint, p, by, 3, out);
     } else {
-      out.add(3, 0, 0, out.dofs());
+      out.add_residuals(3);
     }
   }
 }
@@ -96,7 +96,7 @@ TRAJOPT_HD inline void contact_slip_rows(const ModelView& model, const Physics& 
       }
       add_rows_of_point(model, ws, point.joint, p, by, 2, out);
     } else {
-      out.add(3, 0, 0, out.dofs());
+      out.add_residuals(3);
     }
   }
 }

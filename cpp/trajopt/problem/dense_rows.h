@@ -1,6 +1,7 @@
 // Objective rows that reach across the tree: residual and Jacobian over the window of three nodes.
 #pragma once
 
+#include "trajopt/problem/frame_kernels.h"
 #include "trajopt/problem/row_list.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
@@ -39,27 +40,41 @@ TRAJOPT_HD inline int path_of(const ModelView& model, int dof, int* dofs) {
   return n;
 }
 
-// Rows scale * FD of some dofs, one group for each run of dofs that feel the same ones.
+// Rows scale * FD of some dofs, one set for each run of dofs that feel the same ones.
 template <class S, bool Derivatives>
 TRAJOPT_HD inline void force_rows(const ModelView& model, const int* rows, int count,
                                   const DynamicsWorkspace<S>& ws, const S* fd,
                                   const S* const jacobians[3], const S& scale, bool objective,
                                   RowList<S>& out) {
   const int d = model.ndof;
-  for (int r = 0; r < count; ++r) {
-    const int row = rows[r];
-    if (objective) out.residual()[0] = scale * fd[row];
-    if constexpr (!Derivatives) {
-      out.add(1, 0, 0, out.dofs());
-      continue;
+  if constexpr (!Derivatives) {
+    for (int r = 0; r < count; ++r) out.residual()[r] = scale * fd[rows[r]];
+    out.add_residuals(count);
+    return;
+  }
+  for (int begin = 0, end; begin < count; begin = end) {
+    int* path = out.dofs();
+    const int reach = path_of(model, rows[begin], path);
+    for (end = begin + 1; end < count; ++end) {
+      int* other = path + reach;
+      bool same = path_of(model, rows[end], other) == reach;
+      for (int i = 0; same && i < reach; ++i) same = other[i] == path[i];
+      if (!same) break;
     }
+    const int place = reach == d ? RowList<S>::kEverywhere : path[reach - 1];
     // Overlapping spheres push branches apart that are not on one path.
-    const int n = ws.coupled ? d : path_of(model, row, out.dofs());
-    const int* dofs = n == d ? out.every_dof() : out.dofs();
+    const int n = ws.coupled ? d : reach;
+    const int* dofs = n == d ? out.every_dof() : path;
     S* to = out.jacobian();
-    for (int q = 0; q < 3; ++q)
-      for (int i = 0; i < n; ++i) *to++ = scale * jacobians[q][row * d + dofs[i]];
-    out.add(1, 3, n, dofs, objective);
+    for (int q = 0; q < 3; ++q) {
+      for (int r = begin; r < end; ++r) {
+        const S* from = jacobians[q] + rows[r] * d;
+        for (int i = 0; i < n; ++i) *to++ = scale * from[dofs[i]];
+      }
+    }
+    if (objective)
+      for (int r = begin; r < end; ++r) out.residual()[r - begin] = scale * fd[rows[r]];
+    out.add(place, end - begin, 3, n, dofs, objective);
   }
 }
 
@@ -87,22 +102,22 @@ TRAJOPT_HD inline void point_rows(const ModelView& model, const DenseTerm& term,
   const Vec3<S> value = rate ? inverse_dt * (p[0] - p[1]) : p[0];
   for (int k = 0; k < 3; ++k) out.residual()[k] = weight[k] * (value[k] - target[k]);
   if constexpr (!Derivatives) {
-    out.add(3, 0, 0, out.dofs());
+    out.add_residuals(3);
     return;
   }
-  const int n = com ? model.ndof : chain_of(model, term.joint, out.dofs());
-  const int* dofs = com ? out.every_dof() : out.dofs();
-  const int stride = nodes * n;
+  const int d = model.ndof;
+  const int n = com ? d : chain_of(model, term.joint, out.dofs());
+  const int* dofs = n == d ? out.every_dof() : out.dofs();
   for (int q = 0; q < nodes; ++q) {
     const Vec3<S> unit = rate ? (q == 0 ? inverse_dt : -inverse_dt) * weight : weight;
-    S* column = out.jacobian() + q * n;
-    for (int i = 0; i < n; ++i, ++column) {
+    S* to = out.jacobian() + q * 3 * n;
+    for (int i = 0; i < n; ++i) {
       const Vec3<S> direction =
           com ? com_direction(model, ws, q, dofs[i]) : point_velocity(ws.twists[q][dofs[i]], p[q]);
-      for (int k = 0; k < 3; ++k) column[k * stride] = unit[k] * direction[k];
+      for (int k = 0; k < 3; ++k) to[k * n + i] = unit[k] * direction[k];
     }
   }
-  out.add(3, nodes, n, dofs);
+  out.add(n == d ? RowList<S>::kEverywhere : dofs[n - 1], 3, nodes, n, dofs);
 }
 
 }  // namespace trajopt::inline TRAJOPT_ISA

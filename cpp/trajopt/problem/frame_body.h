@@ -20,6 +20,7 @@ template <class S>
 struct FrameScratch {
   S *nodes, *fd, *picked, *cost, *jacobians, *gradient, *block;
   void *dynamics, *rows;
+  Panel<S>* panels;
 
   TRAJOPT_HD static std::size_t packs(const FrameInput& in) {
     const std::size_t d = in.model.ndof;
@@ -36,13 +37,15 @@ struct FrameScratch {
     block = gradient + 3 * d;
     dynamics = block + d * d;
     rows = static_cast<char*>(dynamics) + DynamicsWorkspace<S>::bytes(in.model);
+    panels =
+        reinterpret_cast<Panel<S>*>(static_cast<char*>(rows) + RowList<S>::bytes(row_count(in), d));
   }
 };
 
 template <class S>
 TRAJOPT_HD inline std::size_t frame_scratch_bytes(const FrameInput& in) {
   return FrameScratch<S>::packs(in) * sizeof(S) + DynamicsWorkspace<S>::bytes(in.model) +
-         RowList<S>::bytes(row_count(in), in.model.ndof) + 64;
+         RowList<S>::bytes(row_count(in), in.model.ndof) + row_count(in) * sizeof(Panel<S>) + 64;
 }
 
 // The time step's numbers and the configurations of a pack's frames.
@@ -150,10 +153,10 @@ TRAJOPT_HD inline void run_frames(const FrameInput& in, long begin, int count, v
     for (int r = 0; r < m; ++r)
       store_lanes(jacobians[q] + model.unactuated[r] * d, d,
                   out.jacobian + ((begin * 3 + q) * m + r) * d, 3 * m * d, count);
-  window_gradient(rows.groups(), rows.count(), d, s.gradient);
+  window_gradient(rows, d, s.gradient);
   store_lanes(s.gradient, 3 * d, out.gradient + begin * 3 * d, 3 * d, count);
   for (int b = 0; b < 6; ++b) {
-    window_block(rows.groups(), rows.count(), kWindowBlocks[b][0], kWindowBlocks[b][1], d, s.block);
+    window_block(rows, kWindowBlocks[b][0], kWindowBlocks[b][1], d, s.panels, s.block);
     store_lanes(s.block, d * d, out.hessian + (begin * 6 + b) * d * d, 6 * d * d, count);
   }
 }

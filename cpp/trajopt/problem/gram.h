@@ -1,66 +1,57 @@
 // Gauss-Newton Hessian of the objective rows in SIMD lanes: H_qp = sum J_q^T J_p over the window.
 //
-// Rows that reach the same dofs make a group and are stored without the columns they do not have:
-// a foot's rows know the dofs between foot and root, and nothing of the other legs. Groups
-// contribute in their order, rows of a group in theirs, with fma; a column that is left out where
-// another pack would hold exact zeros changes nothing.
+// Rows are stored without the columns they do not have: a foot's rows know the dofs between foot
+// and root, and nothing of the other legs. Each element of H adds up its rows in one order, that of
+// RowList, with fma; a column that is left out here and holds exact zeros in another pack (because
+// one of its frames has more to say) changes nothing.
 #pragma once
 
 #include "trajopt/base/lanes.h"
 #include "trajopt/base/products.h"
-#include "trajopt/problem/frame_kernels.h"
+#include "trajopt/problem/row_list.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
 
-template <class S>
-struct RowGroup {
-  int rows;
-  int nodes;          // the rows depend on nodes 0 .. nodes - 1
-  int columns;        // per node
-  const int* dofs;    // of the columns, ascending
-  const S* jacobian;  // rows x nodes x columns
-  const S* residual;  // rows; null: not part of the gradient
-};
-
 // gradient (3 x d) = sum of J^T r.
 template <class S>
-TRAJOPT_HD inline void window_gradient(const RowGroup<S>* groups, int count, int d, S* gradient) {
+TRAJOPT_HD inline void window_gradient(const RowList<S>& list, int d, S* gradient) {
   for (int i = 0; i < 3 * d; ++i) gradient[i] = S(0.0);
-  for (int k = 0; k < count; ++k) {
-    const RowGroup<S>& g = groups[k];
-    if (g.residual == nullptr) continue;
-    const int stride = g.nodes * g.columns;
-    for (int q = 0; q < g.nodes; ++q) {
-      for (int i = 0; i < g.columns; ++i) {
-        S& to = gradient[q * d + g.dofs[i]];
-        S sum = to;
-        for (int r = 0; r < g.rows; ++r)
-          sum = fma(g.jacobian[r * stride + q * g.columns + i], g.residual[r], sum);
-        to = sum;
+  for (int k = 0; k < list.count(); ++k) {
+    const RowSet<S>& s = list[k];
+    if (s.residual == nullptr) continue;
+    for (int q = 0; q < s.nodes; ++q) {
+      const S* column = s.node(q);
+      for (int i = 0; i < s.columns; ++i, ++column) {
+        S sum = gradient[q * d + s.dofs[i]];
+        for (int r = 0; r < s.rows; ++r) sum = fma(column[r * s.columns], s.residual[r], sum);
+        gradient[q * d + s.dofs[i]] = sum;
       }
     }
   }
 }
 
-// Block (q, p) of the Hessian, d x d; a diagonal block comes out whole.
+// Block (q, p), q <= p, of the Hessian, d x d; a diagonal block comes out whole. Sets about the
+// same dofs that follow each other are multiplied in one go. panels: room for one a set.
 template <class S>
-TRAJOPT_HD inline void window_block(const RowGroup<S>* groups, int count, int q, int p, int d,
+TRAJOPT_HD inline void window_block(const RowList<S>& list, int q, int p, int d, Panel<S>* panels,
                                     S* h) {
-  const int needed = (q > p ? q : p) + 1;
-  int k = 0;
-  while (k < count && groups[k].nodes < needed) ++k;
-  bool fresh = k < count && groups[k].columns == d;  // the first group writes every element
-  if (!fresh)
-    for (int i = 0; i < d * d; ++i) h[i] = S(0.0);
-  for (; k < count; ++k) {
-    const RowGroup<S>& g = groups[k];
-    if (g.nodes < needed) continue;
-    const int stride = g.nodes * g.columns;
-    const Panel<S> a{g.jacobian + q * g.columns, stride, g.dofs, g.columns};
-    const Panel<S> b{g.jacobian + p * g.columns, stride, g.dofs, g.columns};
-    add_products(g.rows, a, b, fresh, q == p, h, d);
+  bool fresh = true;
+  for (int k = 0; k < list.count();) {
+    const RowSet<S>& first = list[k];
+    int count = 0;
+    for (; k < list.count() && list[k].same_dofs(first); ++k) {
+      const RowSet<S>& s = list[k];
+      if (s.nodes > p) panels[count++] = {s.node(q), s.node(p), s.rows};
+    }
+    if (count == 0) continue;
+    if (fresh && first.columns < d)
+      for (int i = 0; i < d * d; ++i) h[i] = S(0.0);
+    add_products(panels, count, first.dofs, first.columns, fresh && first.columns == d, q == p, h,
+                 d);
     fresh = false;
   }
+  if (fresh)
+    for (int i = 0; i < d * d; ++i) h[i] = S(0.0);
   if (q == p) {
     for (int r = 0; r < d; ++r)
       for (int c = r + 1; c < d; ++c) h[r * d + c] = h[c * d + r];
