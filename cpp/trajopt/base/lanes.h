@@ -114,9 +114,13 @@ TRAJOPT_HD inline void store_lanes(const S* in, int n, double* out, long stride,
     for (int k = 0; k < n; ++k) out[k] = in[k] + zero;
   } else {
     constexpr int W = lanes<S>;
-    for (int k = 0; k < n; k += W) {
+    // A first step shorter than the rest lets them write whole cache lines (of every frame, when
+    // the stride is a multiple of W).
+    const int skew = static_cast<int>(reinterpret_cast<std::uintptr_t>(out) / sizeof(double) % W);
+    int step = n > 2 * W ? W - skew : W;
+    for (int k = 0, left; k < n; k += left, step = W) {
       typename S::Vector r[W];
-      const int left = n - k < W ? n - k : W;
+      left = n - k < step ? n - k : step;
       for (int i = 0; i < W; ++i) r[i] = (in[k + (i < left ? i : 0)] + zero).v;
       lanes_detail::transpose<W>(r);
       if (left == W && count == W) {

@@ -12,6 +12,18 @@
 
 namespace trajopt::inline TRAJOPT_ISA {
 
+// to[dofs[i]] += sum_r column[r, i] residual[r] for I neighbouring columns.
+template <class S, int I>
+TRAJOPT_HD inline void add_gradient(const RowSet<S>& s, const S* column, const int* dofs, S* to) {
+  S sum[I];
+  unrolled<I>([&](auto i) TRAJOPT_INLINE_BODY { sum[i] = to[dofs[i]]; });
+  for (int r = 0; r < s.rows; ++r, column += s.columns) {
+    const S residual = s.residual[r];
+    unrolled<I>([&](auto i) TRAJOPT_INLINE_BODY { sum[i] = fma(column[i], residual, sum[i]); });
+  }
+  unrolled<I>([&](auto i) TRAJOPT_INLINE_BODY { to[dofs[i]] = sum[i]; });
+}
+
 // gradient (3 x d) = sum of J^T r.
 template <class S>
 TRAJOPT_HD inline void window_gradient(const RowList<S>& list, int d, S* gradient) {
@@ -20,12 +32,12 @@ TRAJOPT_HD inline void window_gradient(const RowList<S>& list, int d, S* gradien
     const RowSet<S>& s = list[k];
     if (s.residual == nullptr) continue;
     for (int q = 0; q < s.nodes; ++q) {
-      const S* column = s.node(q);
-      for (int i = 0; i < s.columns; ++i, ++column) {
-        S sum = gradient[q * d + s.dofs[i]];
-        for (int r = 0; r < s.rows; ++r) sum = fma(column[r * s.columns], s.residual[r], sum);
-        gradient[q * d + s.dofs[i]] = sum;
-      }
+      int i = 0;
+      for (; i + 6 <= s.columns; i += 6)
+        add_gradient<S, 6>(s, s.node(q) + i, s.dofs + i, gradient + q * d);
+      for (; i + 3 <= s.columns; i += 3)
+        add_gradient<S, 3>(s, s.node(q) + i, s.dofs + i, gradient + q * d);
+      for (; i < s.columns; ++i) add_gradient<S, 1>(s, s.node(q) + i, s.dofs + i, gradient + q * d);
     }
   }
 }
