@@ -40,18 +40,19 @@ TRAJOPT_HD inline int path_of(const ModelView& model, int dof, int* dofs) {
   return n;
 }
 
-// Rows scale * FD of some dofs, one set for each run of dofs that feel the same ones.
-template <class S, bool Derivatives>
+template <class S>
+TRAJOPT_HD inline void force_residuals(const int* rows, int count, const S* fd, const S& scale,
+                                       S* out) {
+  for (int r = 0; r < count; ++r) out[r] = scale * fd[rows[r]];
+}
+
+// Rows scale * FD of some dofs, one set for each run of dofs that feel the same ones. `fd` null:
+// not part of the objective.
+template <class S>
 TRAJOPT_HD inline void force_rows(const ModelView& model, const int* rows, int count,
                                   const DynamicsWorkspace<S>& ws, const S* fd,
-                                  const S* const jacobians[3], const S& scale, bool objective,
-                                  RowList<S>& out) {
+                                  const S* const jacobians[3], const S& scale, RowList<S>& out) {
   const int d = model.ndof;
-  if constexpr (!Derivatives) {
-    for (int r = 0; r < count; ++r) out.residual()[r] = scale * fd[rows[r]];
-    out.add_residuals(count);
-    return;
-  }
   for (int begin = 0, end; begin < count; begin = end) {
     int* path = out.dofs();
     const int reach = path_of(model, rows[begin], path);
@@ -72,9 +73,8 @@ TRAJOPT_HD inline void force_rows(const ModelView& model, const int* rows, int c
         for (int i = 0; i < n; ++i) *to++ = scale * from[dofs[i]];
       }
     }
-    if (objective)
-      for (int r = begin; r < end; ++r) out.residual()[r - begin] = scale * fd[rows[r]];
-    out.add(place, end - begin, 3, n, dofs, objective);
+    if (fd != nullptr) force_residuals(rows + begin, end - begin, fd, scale, out.residual());
+    out.add(place, end - begin, 3, n, dofs, fd != nullptr);
   }
 }
 
@@ -101,23 +101,23 @@ TRAJOPT_HD inline void point_rows(const ModelView& model, const DenseTerm& term,
   for (int q = 0; q < nodes; ++q) p[q] = tracked_point(model, term, com, ws, q);
   const Vec3<S> value = rate ? inverse_dt * (p[0] - p[1]) : p[0];
   for (int k = 0; k < 3; ++k) out.residual()[k] = weight[k] * (value[k] - target[k]);
-  if constexpr (!Derivatives) {
-    out.add_residuals(3);
-    return;
-  }
-  const int d = model.ndof;
-  const int n = com ? d : chain_of(model, term.joint, out.dofs());
-  const int* dofs = n == d ? out.every_dof() : out.dofs();
-  for (int q = 0; q < nodes; ++q) {
-    const Vec3<S> unit = rate ? (q == 0 ? inverse_dt : -inverse_dt) * weight : weight;
-    S* to = out.jacobian() + q * 3 * n;
-    for (int i = 0; i < n; ++i) {
-      const Vec3<S> direction =
-          com ? com_direction(model, ws, q, dofs[i]) : point_velocity(ws.twists[q][dofs[i]], p[q]);
-      for (int k = 0; k < 3; ++k) to[k * n + i] = unit[k] * direction[k];
+  if constexpr (Derivatives) {
+    const int d = model.ndof;
+    const int n = com ? d : chain_of(model, term.joint, out.dofs());
+    const int* dofs = n == d ? out.every_dof() : out.dofs();
+    for (int q = 0; q < nodes; ++q) {
+      const Vec3<S> unit = rate ? (q == 0 ? inverse_dt : -inverse_dt) * weight : weight;
+      S* to = out.jacobian() + q * 3 * n;
+      for (int i = 0; i < n; ++i) {
+        const Vec3<S> direction = com ? com_direction(model, ws, q, dofs[i])
+                                      : point_velocity(ws.twists[q][dofs[i]], p[q]);
+        for (int k = 0; k < 3; ++k) to[k * n + i] = unit[k] * direction[k];
+      }
     }
+    out.add(n == d ? RowList<S>::kEverywhere : dofs[n - 1], 3, nodes, n, dofs);
+  } else {
+    out.add_residuals(3);
   }
-  out.add(n == d ? RowList<S>::kEverywhere : dofs[n - 1], 3, nodes, n, dofs);
 }
 
 }  // namespace trajopt::inline TRAJOPT_ISA

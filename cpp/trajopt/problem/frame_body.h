@@ -108,13 +108,18 @@ TRAJOPT_HD inline void objective_rows(const FrameInput& in, long begin, int coun
           contact_slip_rows<S, Derivatives>(model, *in.physics, ws, scale, frame.inverse_dt, rows);
           break;
         case DenseKind::effort:
-          force_rows<S, Derivatives>(model, model.actuated, model.nactuated, ws, fd, jacobians,
-                                     scale, true, rows);
+        case DenseKind::physics: {
+          const bool effort = term.kind == DenseKind::effort;
+          const int* dofs = effort ? model.actuated : model.unactuated;
+          const int n = effort ? model.nactuated : model.nunactuated;
+          if constexpr (Derivatives) {
+            force_rows(model, dofs, n, ws, fd, jacobians, scale, rows);
+          } else {
+            force_residuals(dofs, n, fd, scale, rows.residual());
+            rows.add_residuals(n);
+          }
           break;
-        case DenseKind::physics:
-          force_rows<S, Derivatives>(model, model.unactuated, model.nunactuated, ws, fd, jacobians,
-                                     scale, true, rows);
-          break;
+        }
         default:
           point_rows<S, Derivatives>(model, term, ws, scale, target, frame.inverse_dt, rows);
       }
@@ -141,23 +146,26 @@ TRAJOPT_HD inline void run_frames(const FrameInput& in, long begin, int count, v
 
   RowList<S> rows(row_count(in), d, s.rows);
   const S* const js[3] = {jacobians[0], jacobians[1], jacobians[2]};
-  if (Derivatives && in.augmentation > 0) {
-    force_rows<S, true>(model, model.unactuated, m, ws, s.fd, js,
-                        S(__builtin_sqrt(in.augmentation)), false, rows);
+  if constexpr (Derivatives) {
+    if (in.augmentation > 0) {
+      const S* none = nullptr;
+      force_rows(model, model.unactuated, m, ws, none, js, S(__builtin_sqrt(in.augmentation)),
+                 rows);
+    }
   }
   objective_rows<S, Derivatives>(in, begin, count, frame, ws, s.fd, js, rows, s.cost);
   store_lanes(s.cost, in.nterm, out.cost + begin * in.nterm, in.nterm, count);
-  if constexpr (!Derivatives) return;
-
-  for (int q = 0; q < 3; ++q)
-    for (int r = 0; r < m; ++r)
-      store_lanes(jacobians[q] + model.unactuated[r] * d, d,
-                  out.jacobian + ((begin * 3 + q) * m + r) * d, 3 * m * d, count);
-  window_gradient(rows, d, s.gradient);
-  store_lanes(s.gradient, 3 * d, out.gradient + begin * 3 * d, 3 * d, count);
-  for (int b = 0; b < 6; ++b) {
-    window_block(rows, kWindowBlocks[b][0], kWindowBlocks[b][1], d, s.panels, s.block);
-    store_lanes(s.block, d * d, out.hessian + (begin * 6 + b) * d * d, 6 * d * d, count);
+  if constexpr (Derivatives) {
+    for (int q = 0; q < 3; ++q)
+      for (int r = 0; r < m; ++r)
+        store_lanes(jacobians[q] + model.unactuated[r] * d, d,
+                    out.jacobian + ((begin * 3 + q) * m + r) * d, 3 * m * d, count);
+    window_gradient(rows, d, s.gradient);
+    store_lanes(s.gradient, 3 * d, out.gradient + begin * 3 * d, 3 * d, count);
+    for (int b = 0; b < 6; ++b) {
+      window_block(rows, kWindowBlocks[b][0], kWindowBlocks[b][1], d, s.panels, s.block);
+      store_lanes(s.block, d * d, out.hessian + (begin * 6 + b) * d * d, 6 * d * d, count);
+    }
   }
 }
 
