@@ -50,7 +50,7 @@ TRAJOPT_HD inline void tile(const Panel<S>* panels, int count, const int* index,
       unrolled<J>([&](auto j) TRAJOPT_INLINE_BODY {
         const S yj = y[j];
         unrolled<I>([&](auto i) TRAJOPT_INLINE_BODY {
-          constexpr int at = i * J + j;
+          constexpr int at = decltype(i)::value * J + decltype(j)::value;
           sum[at] = fma(x[i], yj, sum[at]);
         });
       });

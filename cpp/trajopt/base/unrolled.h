@@ -2,18 +2,24 @@
 // registers: an array that is only indexed by constants does.
 #pragma once
 
-#include <type_traits>
 #include <utility>
 
 #include "trajopt/base/hd.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
 
+// Its value as a type, and as a number on host and device alike.
+template <int I>
+struct Index {
+  static constexpr int value = I;
+  TRAJOPT_HD constexpr operator int() const { return I; }  // NOLINT(google-explicit-constructor)
+};
+
 namespace unrolled_detail {
 template <class Body, int... I>
 __attribute__((always_inline)) TRAJOPT_HD inline void run(const Body& body,
                                                           std::integer_sequence<int, I...>) {
-  (body(std::integral_constant<int, I>{}), ...);
+  (body(Index<I>{}), ...);
 }
 }  // namespace unrolled_detail
 
