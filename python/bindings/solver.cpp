@@ -26,7 +26,11 @@ void register_solver(py::module_& m) {
                                     corrections,
                                     restore,
                                     parse_ordering(ordering)};
-        return run_solver(solve_funnel, problem, options, state, observer);
+        const auto solve = [](TrajectoryProblem& on, const FunnelOptions& with, State& from,
+                              const Observer& watch) {
+          return solve_funnel(on, with, from, watch);
+        };
+        return run_solver(solve, problem, options, state, observer);
       },
       "problem"_a, "state"_a, "observer"_a = py::none(), py::kw_only(),
       "max_iterations"_a = f.max_iterations, "constraint_tolerance"_a = f.constraint_tolerance,
