@@ -34,8 +34,7 @@ template <class Fold, class Group, class Get>
 TRAJOPT_HD inline void fold_chunk(const Group& group, long begin, long count, const Get& get,
                                   double* slots) {
   const Fold fold;
-  for_each(group, kTreeWidth,
-           [&](int i) { slots[i] = begin + i < count ? get(begin + i) : 0.0; });
+  for_each(group, kTreeWidth, [&](int i) { slots[i] = begin + i < count ? get(begin + i) : 0.0; });
   for (int half = kTreeWidth / 2; half > 0; half /= 2) {
     for_each(group, half, [&](int i) { slots[i] = fold(slots[i], slots[i + half]); });
   }

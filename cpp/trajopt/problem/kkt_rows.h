@@ -15,6 +15,13 @@
 #include "trajopt/base/group.h"
 #include "trajopt/base/pack.h"
 
+// The iterations of the loop behind it touch different memory, which a compiler cannot prove.
+#if defined(__GNUC__) && !defined(__CUDACC__)
+#define TRAJOPT_INDEPENDENT _Pragma("GCC ivdep")
+#else
+#define TRAJOPT_INDEPENDENT
+#endif
+
 namespace trajopt {
 
 struct KktRows {
@@ -43,8 +50,10 @@ template <class Group, class Body>
 TRAJOPT_HD inline void for_entries(const Group& group, int rows, int columns, const Body& body) {
   if (group.size() == 1) {
     group.phase([&](int) {
-      for (int r = 0; r < rows; ++r)
+      for (int r = 0; r < rows; ++r) {
+        TRAJOPT_INDEPENDENT
         for (int c = 0; c < columns; ++c) body(r, c);
+      }
     });
   } else {
     for_each(group, rows * columns, [&](int i) { body(i / columns, i % columns); });

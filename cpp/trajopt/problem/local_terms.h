@@ -143,8 +143,8 @@ TRAJOPT_HD inline double add_local_term(const ModelView& model, const LocalTerm&
   double cost = 0.0;
   for (int j = 0; j < model.njoint; ++j) {
     const Joint& joint = model.joints[j];
-    const auto add = joint.type == JointType::ball ? local_ball<Derivatives>
-                                                   : local_scalar<Derivatives>;
+    const auto add =
+        joint.type == JointType::ball ? local_ball<Derivatives> : local_scalar<Derivatives>;
     cost += add(term, frame, weight, joint, model.ndof, model.nq, hessian, gradient);
   }
   return cost;

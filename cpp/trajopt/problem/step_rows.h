@@ -100,8 +100,7 @@ TRAJOPT_HD inline void measure_steps(const StepRows& s, long i, double* items, l
 // step_i = c_t t + c_n n, the tangent alone.
 TRAJOPT_HD inline void compose_step(const StepRows& s, long i, double ct, double cn, double* step) {
   const double* x = s.steps + (i * (s.primal + s.dual) + s.dual) * 2;
-  for (int k = 0; k < s.primal; ++k)
-    step[i * s.primal + k] = fma(ct, x[2 * k], cn * x[2 * k + 1]);
+  for (int k = 0; k < s.primal; ++k) step[i * s.primal + k] = fma(ct, x[2 * k], cn * x[2 * k + 1]);
 }
 
 // Right-hand side of a second-order correction of a step d with A d = -zeta C: the constraint at
@@ -119,8 +118,7 @@ TRAJOPT_HD inline void write_correction_rhs(const StepRows& s, long i, double ze
 TRAJOPT_HD inline void add_correction(const StepRows& s, long i, const double* correction,
                                       const double* step, double* corrected) {
   const double* x = correction + i * (s.primal + s.dual) + s.dual;
-  for (int k = 0; k < s.primal; ++k)
-    corrected[i * s.primal + k] = step[i * s.primal + k] + x[k];
+  for (int k = 0; k < s.primal; ++k) corrected[i * s.primal + k] = step[i * s.primal + k] + x[k];
 }
 
 // Gradient by frame i (0-based): its share of windows i, i+1, i+2. gradient: N x 3 x D.

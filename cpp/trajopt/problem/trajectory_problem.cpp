@@ -143,8 +143,14 @@ void TrajectoryProblem::linearize(const State& state, double augmentation, Evalu
 }
 
 FrameInput TrajectoryProblem::frame_input(const double* frames, double augmentation) const {
-  return {view(model_),  &physics_,          stencils_.data(), dt_.data(), frames,
-          terms_.data(), static_cast<int>(terms_.size()), augmentation};
+  return {view(model_),
+          &physics_,
+          stencils_.data(),
+          dt_.data(),
+          frames,
+          terms_.data(),
+          static_cast<int>(terms_.size()),
+          augmentation};
 }
 
 void TrajectoryProblem::run(const State& state, double augmentation, Evaluation& out,

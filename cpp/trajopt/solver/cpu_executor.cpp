@@ -64,9 +64,8 @@ class CpuExecutor final : public SqpExecutor {
     for_nodes([&](long begin, long end) { kernels_.write_steps_rhs(rows, begin, end); });
     std::fill(solution_.begin() + 2 * kkt_.offset(kkt_.nodes()), solution_.end(), 0.0);
     kkt_.solve(solution_, 2);
-    for_nodes([&](long begin, long end) {
-      kernels_.measure_steps(rows, begin, end, items_.data(), n);
-    });
+    for_nodes(
+        [&](long begin, long end) { kernels_.measure_steps(rows, begin, end, items_.data(), n); });
     StepValues v;
     for (int k = 0; k < kMultiplier; ++k) v.item[k] = folded<Sum>(items_.data() + k * n, n);
     // The spline's C is not what the augmentation adds the squares of.

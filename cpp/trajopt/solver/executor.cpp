@@ -27,8 +27,7 @@ double StepValues::predicted_decrease(double ct, double cn, double damping,
                                       double augmentation) const {
   const double linear = ct * item[kTangentialSlope] + cn * item[kNormalSlope];
   const double damped = -ct * ct * item[kTangentialSlope] + cn * cn * item[kNormalCurvature];
-  const double added =
-      damping * norm2(*this, ct, cn) + augmentation * cn * cn * item[kConstraint2];
+  const double added = damping * norm2(*this, ct, cn) + augmentation * cn * cn * item[kConstraint2];
   return -(linear + 0.5 * (damped - added));
 }
 

@@ -231,9 +231,8 @@ class FunnelSolver {
       record_.gain_ratio = 0;
       record_.step_norm = zeta * length;
       record_.damping = damping_;
-      record_.accepted =
-          trial_.finite() &&
-          trial_.constraint_norm < (1 - kRestore * zeta) * current_.constraint_norm;
+      record_.accepted = trial_.finite() &&
+                         trial_.constraint_norm < (1 - kRestore * zeta) * current_.constraint_norm;
       if (record_.accepted) {
         move();
         limit = std::min(2 * limit, options_.normal_radius);
@@ -277,11 +276,10 @@ class FunnelSolver {
   }
 
   Result failure() const {
-    return {
-        Status::numerical_failure,
-        format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
-            executor_.error(),
-        iteration_};
+    return {Status::numerical_failure,
+            format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
+                executor_.error(),
+            iteration_};
   }
 
   SqpExecutor& executor_;
