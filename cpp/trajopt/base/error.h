@@ -11,6 +11,11 @@ struct ArgumentError : std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
+// A device is missing, out of memory, or one of its calls failed: call, device, reason.
+struct DeviceError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 // A factorization met a pivot that is zero, not a number, or of the wrong sign.
 struct FactorizationError : std::runtime_error {
   FactorizationError(const std::string& what, long block_, int pivot_)

@@ -1,4 +1,4 @@
-// Host/device marker and the namespace in which compiled-per-instruction-set code lives.
+// Host/device markers and the namespace in which compiled-per-instruction-set code lives.
 //
 // Numeric headers open `namespace trajopt::inline TRAJOPT_ISA`. A hot source file is compiled once
 // per instruction set (AVX2, AVX-512, portable), each time with another TRAJOPT_ISA, so that the
@@ -9,6 +9,13 @@
 #define TRAJOPT_HD __host__ __device__
 #else
 #define TRAJOPT_HD
+#endif
+
+// Before a loop of a constant number of rounds, at most 16, whose arrays are to stay in registers.
+#ifdef __CUDACC__
+#define TRAJOPT_UNROLL _Pragma("unroll")
+#else
+#define TRAJOPT_UNROLL _Pragma("GCC unroll 16")
 #endif
 
 #ifndef TRAJOPT_ISA
