@@ -10,6 +10,8 @@
 
 #include <vector>
 
+#include "trajopt/base/hd.h"
+
 namespace trajopt {
 
 enum class JointType : int { slide = 0, hinge = 1, ball = 2 };
@@ -27,8 +29,8 @@ struct Joint {
   double first[3];   // mass times centre of mass, in the joint frame
   double subtree_mass;
 
-  int ndof() const { return type == JointType::ball ? 3 : 1; }
-  int nq() const { return type == JointType::ball ? 4 : 1; }
+  TRAJOPT_HD int ndof() const { return type == JointType::ball ? 3 : 1; }
+  TRAJOPT_HD int nq() const { return type == JointType::ball ? 4 : 1; }
 };
 
 struct ContactPoint {  // a sphere; radius 0 for box corners and mesh vertices
