@@ -6,6 +6,8 @@
 // like: the tree, and so the rounding, stays the same.
 #pragma once
 
+#include <cstddef>
+
 #include "trajopt/base/group.h"
 #include "trajopt/base/hd.h"
 
@@ -40,7 +42,7 @@ TRAJOPT_HD inline void fold_chunk(const Group& group, long begin, long count, co
   }
 }
 
-// Folds values[0 .. count) into values[0]; overwrites the rest. Nothing adds up to zero.
+// Folds values[0 .. count) into values[0]; overwrites the rest.
 template <class Fold, class Group>
 TRAJOPT_HD inline void fold_tree(const Group& group, double* values, long count, double* slots) {
   do {
@@ -62,5 +64,64 @@ inline double folded(double* values, long count) {
   fold_tree<Fold>(Serial{}, values, count, slots);
   return values[0];
 }
+
+// Folds of several sequences of one length at once, as two launches (see linalg/group_work.h for
+// what a launch is): all chunks, then what is left of each sequence. `Items` gives
+//   int folds() const;                     how many sequences; the last one's largest value is
+//                                          wanted, of the others the sum
+//   double operator()(int fold, long i)    value i
+template <class Items>
+struct FoldChunksWork {
+  static constexpr const char* kName = "fold chunks";
+  static constexpr int kMaxRanks = kTreeWidth;
+  Items items;
+  long count;
+  double* partial;  // folds x chunks
+
+  TRAJOPT_HD long jobs() const { return items.folds() * tree_chunks(count); }
+  TRAJOPT_HD int ranks() const { return kMaxRanks; }
+  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
+    double* slots = static_cast<double*>(space);
+    const long chunks = tree_chunks(count), begin = job % chunks * kTreeWidth;
+    const int fold = static_cast<int>(job / chunks);
+    const auto get = [&](long i) { return items(fold, i); };
+    if (fold + 1 < items.folds()) {
+      fold_chunk<Sum>(group, begin, count, get, slots);
+    } else {
+      fold_chunk<Largest>(group, begin, count, get, slots);
+    }
+    for_each(group, 1, [&](int) { partial[job] = slots[0]; });
+  }
+};
+
+struct FoldRestWork {
+  static constexpr const char* kName = "fold rest";
+  static constexpr int kMaxRanks = kTreeWidth;
+  int folds;
+  long chunks;
+  double* partial;  // folds x chunks; overwritten
+  double* result;   // folds
+
+  TRAJOPT_HD long jobs() const { return folds; }
+  TRAJOPT_HD int ranks() const { return kMaxRanks; }
+  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
+    double* slots = static_cast<double*>(space);
+    double* values = partial + job * chunks;
+    if (chunks > 1) {
+      if (job + 1 < folds) {
+        fold_tree<Sum>(group, values, chunks, slots);
+      } else {
+        fold_tree<Largest>(group, values, chunks, slots);
+      }
+    }
+    for_each(group, 1, [&](int) { result[job] = values[0]; });
+  }
+};
 
 }  // namespace trajopt::inline TRAJOPT_ISA

@@ -7,12 +7,6 @@
 
 namespace trajopt {
 
-namespace {
-
-constexpr double kRefineTolerance = 1e-13;  // of the residual relative to the right-hand side
-
-}  // namespace
-
 using linalg::Factorization;
 using linalg::Ordering;
 

@@ -21,6 +21,9 @@ namespace trajopt {
 
 class KktSystem {
  public:
+  static constexpr int kRefinements = 2;
+  static constexpr double kRefineTolerance = 1e-13;  // of the residual relative to the rhs
+
   KktSystem(const TrajectoryProblem& problem, double smoothing, linalg::Ordering ordering);
 
   int primal() const { return primal_; }
@@ -39,7 +42,7 @@ class KktSystem {
 
   // Solves in place for m right-hand sides, rhs (rows, m) row-major, with up to `refinements`
   // corrections against the matrix without epsilon. Allocates only when m grows.
-  void solve(std::vector<double>& rhs, int m, int refinements = 2);
+  void solve(std::vector<double>& rhs, int m, int refinements = kRefinements);
 
   // y = K x for the assembled matrix.
   void multiply(const std::vector<double>& x, std::vector<double>& y) const;

@@ -76,6 +76,7 @@ class TrajectoryProblem {
   const std::vector<double>& initial() const { return initial_; }
   const std::vector<DenseTerm>& dense_terms() const { return terms_; }
   const std::vector<LocalTerm>& local_terms() const { return local_terms_; }
+  FrameInput frame_input(const double* frames, double augmentation) const;
 
   State state_from_frames(const double* frames) const;                     // N x nq: x_1 .. x_N
   void frames_of(const State& state, std::vector<double>& frames) const;   // (N + 2) x nq
@@ -91,7 +92,6 @@ class TrajectoryProblem {
 
  private:
   void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
-  FrameInput frame_input(const double* frames, double augmentation) const;
   void add_callback(const CallbackObjective& term, const Evaluation& out, Linearization* lin);
   void reduce_gradient(Linearization& lin) const;
 

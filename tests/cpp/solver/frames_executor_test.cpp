@@ -1,0 +1,144 @@
+// A solve by launches, as a GPU makes them, against the processor's executor: every record and the
+// state bit for bit, with ranks and jobs in either order.
+#include "trajopt/solver/frames_executor.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "solver/flight.h"
+#include "solver/serial_device.h"
+#include "trajopt/solver/funnel_sqp.h"
+
+namespace trajopt {
+namespace {
+
+using linalg::Ordering;
+
+bool same_bits(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+
+void expect_same_records(const std::vector<IterationRecord>& actual,
+                         const std::vector<IterationRecord>& expected) {
+  ASSERT_EQ(actual.size(), expected.size());
+  for (std::size_t k = 0; k < actual.size(); ++k) {
+    const IterationRecord &a = actual[k], &e = expected[k];
+    ASSERT_TRUE(same_bits(a.objective, e.objective)) << "iteration " << k;
+    ASSERT_EQ(a.terms.size(), e.terms.size());
+    for (std::size_t t = 0; t < a.terms.size(); ++t)
+      ASSERT_TRUE(same_bits(a.terms[t], e.terms[t])) << "iteration " << k << ", term " << t;
+    ASSERT_TRUE(same_bits(a.constraint_norm, e.constraint_norm)) << "iteration " << k;
+    ASSERT_TRUE(same_bits(a.frame_violation, e.frame_violation)) << "iteration " << k;
+    ASSERT_TRUE(same_bits(a.step_norm, e.step_norm)) << "iteration " << k;
+    ASSERT_TRUE(same_bits(a.gain_ratio, e.gain_ratio)) << "iteration " << k;
+    ASSERT_TRUE(same_bits(a.damping, e.damping)) << "iteration " << k;
+    ASSERT_EQ(a.accepted, e.accepted) << "iteration " << k;
+  }
+}
+
+// Both executors on the same case; returns the records.
+std::vector<IterationRecord> compare(const std::function<test::Case()>& make,
+                                     const FunnelOptions& options, test::LaunchOrder how,
+                                     int most_lanes) {
+  test::Case expected = make(), actual = make();
+  test::Recorder on_cpu, on_device;
+  const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
+  FramesExecutor<test::SerialDevice> executor(test::SerialDevice(how), *actual.problem,
+                                              executor_options(options), actual.state, most_lanes);
+  const Result a = solve_funnel(executor, options, on_device.observer());
+  EXPECT_EQ(a.status, e.status) << a.message << "; on the processor: " << e.message;
+  EXPECT_EQ(a.message, e.message);
+  expect_same_records(on_device.records, on_cpu.records);
+  EXPECT_EQ(actual.state.size(), expected.state.size());
+  EXPECT_EQ(
+      std::memcmp(actual.state.data(), expected.state.data(), actual.state.size() * sizeof(double)),
+      0);
+  return on_cpu.records;
+}
+
+int refused(const std::vector<IterationRecord>& records) {
+  int count = 0;
+  for (const IterationRecord& r : records) count += !r.accepted;
+  return count;
+}
+
+TEST(FramesExecutor, FlightToTheEnd) {
+  for (Ordering ordering : {Ordering::cyclic, Ordering::chunked}) {
+    FunnelOptions options;
+    options.ordering = ordering;
+    const auto records = compare([] { return test::make_flight(Formulation::frames); }, options,
+                                 {RankOrder::forward, 0}, 64);
+    EXPECT_GT(records.size(), 10u);
+  }
+}
+
+// Contacts, balls and every term, steps taken and refused; odd counts, uneven steps.
+TEST(FramesExecutor, EveryTerm) {
+  int count = 0;
+  for (const test::Named& named : test::all_setups()) {
+    if (named.setup.formulation == Formulation::spline || named.setup.periodic) continue;
+    SCOPED_TRACE(named.name);
+    ++count;
+    for (test::LaunchOrder how :
+         {test::LaunchOrder{RankOrder::forward, 0}, test::LaunchOrder{RankOrder::reverse, 0},
+          test::LaunchOrder{RankOrder::forward, 1}}) {
+      FunnelOptions options;
+      options.ordering = Ordering::cyclic;
+      options.max_iterations = 12;
+      options.funnel = 1e3;
+      test::Setup setup = named.setup;
+      setup.turn = std::min(setup.turn, 0.05);
+      // Fewer lanes than frames: a rank does several.
+      const auto records = compare([&] { return test::make_case(setup); }, options, how, 7);
+      EXPECT_GT(records.size(), 0u);
+    }
+  }
+  EXPECT_EQ(count, 5);
+}
+
+// A hundred iterations among contacts.
+TEST(FramesExecutor, HundredIterations) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 100;
+  options.funnel = 1e3;
+  options.objective_tolerance = 0;
+  const auto records =
+      compare([] { return test::make_case({.frames = 41, .turn = 0.02}); }, options,
+              {RankOrder::reverse, 0}, 16);
+  EXPECT_GE(records.size(), 100u);
+  EXPECT_GT(refused(records), 0);
+}
+
+// A matrix of the wrong inertia: the failure is noticed, the damping raised.
+TEST(FramesExecutor, WrongInertia) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 3;
+  options.damping = -1e6;
+  compare([] { return test::make_flight(Formulation::frames); }, options, {RankOrder::forward, 0},
+          64);
+}
+
+TEST(FramesExecutor, RefusesWhatItCannotDo) {
+  const auto message = [](test::Case c) -> std::string {
+    try {
+      const FramesExecutor<test::SerialDevice> executor(
+          test::SerialDevice({}), *c.problem, executor_options({}), c.state);
+    } catch (const DeviceError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(message(test::make_case({})), "");
+  EXPECT_NE(message(test::make_case({.periodic = true})).find("periodic"), std::string::npos);
+  EXPECT_NE(message(test::make_flight(Formulation::spline)).find("spline"), std::string::npos);
+  test::Random random(1);
+  const Model model = test::make_character();
+  Objective objective = test::every_term(model, 10, random);
+  objective.callbacks.push_back({"my term", 1, 1.0, [](const double*, double*, double*) {}});
+  const std::string text = message(test::make_case({}, model, objective, random));
+  EXPECT_NE(text.find("'my term'"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace trajopt
