@@ -33,17 +33,17 @@ struct FramesSystem {
   double smoothing, epsilon;
   const Controls* controls;
   FramesPoint current, trial[2];
-  double *hessian, *gradient, *jacobian;   // as FrameOutput
-  double *torque, *cost;                   // N x nu, N x nterm
-  double* local_cost;                      // nlocal x N
-  double* node_gradient;                   // N x D
-  double *diagonal, *lower;                // of the KKT matrix
-  double *rhs, *steps;                     // rows x 2
-  double* correction;                      // rows
-  double* items;                           // kStepItems x N
-  std::size_t scratch_bytes;               // of one frame
-  int lanes;                               // frames in work at once
-  unsigned char* scratch;                  // lanes x scratch_bytes
+  double *hessian, *gradient, *jacobian;  // as FrameOutput
+  double *torque, *cost;                  // N x nu, N x nterm
+  double* local_cost;                     // nlocal x N
+  double* node_gradient;                  // N x D
+  double *diagonal, *lower;               // of the KKT matrix
+  double *rhs, *steps;                    // rows x 2
+  double* correction;                     // rows
+  double* items;                          // kStepItems x N
+  std::size_t scratch_bytes;              // of one frame
+  int lanes;                              // frames in work at once
+  unsigned char* scratch;                 // lanes x scratch_bytes
 
   TRAJOPT_HD long frames() const { return frame_count; }
   TRAJOPT_HD int primal() const { return in.model.ndof; }
@@ -53,8 +53,14 @@ struct FramesSystem {
   TRAJOPT_HD long rows() const { return blocks() * size(); }
   TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
   TRAJOPT_HD StepRows step_rows() const {
-    return {static_cast<int>(frame_count), primal(), dual(), false, smoothing, node_gradient,
-            current.constraint, steps};
+    return {static_cast<int>(frame_count),
+            primal(),
+            dual(),
+            false,
+            smoothing,
+            node_gradient,
+            current.constraint,
+            steps};
   }
 };
 

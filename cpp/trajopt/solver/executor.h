@@ -53,7 +53,7 @@ class SqpExecutor {
   virtual PointValues linearize() = 0;
   // Objective by term there, in the order of Objective::names().
   virtual const std::vector<double>& terms() const = 0;
-  // The current point.
+  // The current point, in the vector the executor was made with.
   virtual const State& state() = 0;
 
   // Assembles and factors the KKT matrix at the current linearization; false when its inertia is

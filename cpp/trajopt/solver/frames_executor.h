@@ -224,7 +224,9 @@ class FramesExecutor final : public SqpExecutor {
     s_.items = allocate<double>(kStepItems * n);
     s_.lanes = lanes;
     // Whole cache lines, so that neighbouring frames share none.
-    s_.scratch_bytes = (frame_scratch_bytes<double>(p.frame_input(nullptr, options.augmentation)) + 127) / 128 * 128;
+    s_.scratch_bytes =
+        (frame_scratch_bytes<double>(p.frame_input(nullptr, options.augmentation)) + 127) / 128 *
+        128;
     s_.scratch = allocate<unsigned char>(lanes * s_.scratch_bytes);
     const std::size_t most = std::max<std::size_t>(s_.terms() + 1, kStepItems);
     partial_ = allocate<double>(most * tree_chunks(s_.frame_count));

@@ -317,7 +317,9 @@ const char* status_name(Status status) {
 }
 
 Result solve_funnel(SqpExecutor& executor, const FunnelOptions& options, const Observer& observer) {
-  return FunnelSolver(executor, options, observer).run();
+  const Result result = FunnelSolver(executor, options, observer).run();
+  executor.state();  // an executor on a device may not have fetched the last one yet
+  return result;
 }
 
 Result solve_funnel(TrajectoryProblem& problem, const FunnelOptions& options, State& state,

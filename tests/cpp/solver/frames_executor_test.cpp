@@ -102,9 +102,8 @@ TEST(FramesExecutor, HundredIterations) {
   options.max_iterations = 100;
   options.funnel = 1e3;
   options.objective_tolerance = 0;
-  const auto records =
-      compare([] { return test::make_case({.frames = 41, .turn = 0.02}); }, options,
-              {RankOrder::reverse, 0}, 16);
+  const auto records = compare([] { return test::make_case({.frames = 41, .turn = 0.02}); },
+                               options, {RankOrder::reverse, 0}, 16);
   EXPECT_GE(records.size(), 100u);
   EXPECT_GT(refused(records), 0);
 }
@@ -122,8 +121,8 @@ TEST(FramesExecutor, WrongInertia) {
 TEST(FramesExecutor, RefusesWhatItCannotDo) {
   const auto message = [](test::Case c) -> std::string {
     try {
-      const FramesExecutor<test::SerialDevice> executor(
-          test::SerialDevice({}), *c.problem, executor_options({}), c.state);
+      const FramesExecutor<test::SerialDevice> executor(test::SerialDevice({}), *c.problem,
+                                                        executor_options({}), c.state);
     } catch (const DeviceError& error) {
       return error.what();
     }

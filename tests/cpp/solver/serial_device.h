@@ -42,9 +42,7 @@ class SerialDevice {
     log_->pinned.push_back(allocate(count * sizeof(T)));
     return reinterpret_cast<T*>(log_->pinned.back().data());
   }
-  void upload(void* to, const void* from, std::size_t bytes) const {
-    std::memcpy(to, from, bytes);
-  }
+  void upload(void* to, const void* from, std::size_t bytes) const { std::memcpy(to, from, bytes); }
 
   // While a recording is being made nothing is done.
   void copy_in(void* to, const void* from, std::size_t bytes) const {
@@ -143,9 +141,8 @@ class SerialDevice::Solver {
     active_.resize(norm_.size());
   }
   void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
-    sequence_refine(
-        run_, plan_, entries(), s_, x, m, steps, tolerance,
-        {rhs, r_.data(), saved_.data(), norm_.data(), states_.data(), active_.data()});
+    sequence_refine(run_, plan_, entries(), s_, x, m, steps, tolerance,
+                    {rhs, r_.data(), saved_.data(), norm_.data(), states_.data(), active_.data()});
   }
   const std::string* failure() {
     if (failed_item_ == linalg::GroupSystem::kNever) return nullptr;
@@ -154,9 +151,7 @@ class SerialDevice::Solver {
   }
 
  private:
-  linalg::PlanEntries entries() const {
-    return {plan_.eliminations.data(), plan_.updates.data()};
-  }
+  linalg::PlanEntries entries() const { return {plan_.eliminations.data(), plan_.updates.data()}; }
 
   SerialDevice run_;
   linalg::GroupPlan plan_;
