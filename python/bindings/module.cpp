@@ -18,6 +18,9 @@ PYBIND11_MODULE(_core, m) {
   py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
   trajopt::bindings::register_devices(m);
   trajopt::bindings::register_linalg(m);
+#ifdef TRAJOPT_WITH_CUDA
+  trajopt::bindings::register_cuda_linalg(m);
+#endif
   trajopt::bindings::register_model(m);
   trajopt::bindings::register_problem(m);
   trajopt::bindings::register_solver(m);

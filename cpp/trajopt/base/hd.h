@@ -19,8 +19,10 @@
 #endif
 
 // Before a loop of a constant number of rounds, at most 16, whose arrays are to stay in registers.
-#ifdef __CUDACC__
+#if defined(__CUDA_ARCH__)
 #define TRAJOPT_UNROLL _Pragma("unroll")
+#elif defined(__CUDACC__)
+#define TRAJOPT_UNROLL  // nvcc's pass over the host's code
 #else
 #define TRAJOPT_UNROLL _Pragma("GCC unroll 16")
 #endif

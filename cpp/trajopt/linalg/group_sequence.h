@@ -50,27 +50,31 @@ struct RefineArrays {
   int* active;
 };
 
+// Up to the first residual.
 template <class Executor>
-void sequence_refine(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
-                     const GroupSystem& s, double* x, int m, int max_steps, double tolerance,
-                     const RefineArrays& a) {
+void sequence_refine_start(const Executor& run, const GroupSystem& s, double* x, int m,
+                           int max_steps, double tolerance, const RefineArrays& a) {
   using Decide = group::DecideWork;
   const long lanes = static_cast<long>(s.batch) * column_chunks(m);
-  const auto decide = [&](Decide::When when) {
-    run(Decide{when, lanes, max_steps, tolerance, a.norm, a.states, a.active});
-  };
-  const GroupVectors all{x, m, nullptr}, going_on{x, m, a.active}, step{a.r, m, a.active};
   run(group::ResidualWork{s, {nullptr, m, nullptr}, a.rhs, a.r, a.norm});
-  decide(Decide::When::scale);
-  run(group::ResidualWork{s, all, a.rhs, a.r, a.norm});
-  decide(Decide::When::start);
-  for (int k = 0; k < max_steps; ++k) {
-    sequence_solve(run, plan, at, s, step);
-    run(group::CorrectWork{s, going_on, a.r, a.saved, nullptr});
-    run(group::ResidualWork{s, going_on, a.rhs, a.r, a.norm});
-    decide(Decide::When::step);
-    run(group::CorrectWork{s, all, a.r, a.saved, a.states});
-  }
+  run(Decide{Decide::When::scale, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(group::ResidualWork{s, {x, m, nullptr}, a.rhs, a.r, a.norm});
+  run(Decide{Decide::When::start, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+}
+
+// One correction. At most max_steps of them change anything, so that many finish the refinement.
+template <class Executor>
+void sequence_refine_step(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
+                          const GroupSystem& s, double* x, int m, int max_steps, double tolerance,
+                          const RefineArrays& a) {
+  using Decide = group::DecideWork;
+  const long lanes = static_cast<long>(s.batch) * column_chunks(m);
+  const GroupVectors going_on{x, m, a.active};
+  sequence_solve(run, plan, at, s, {a.r, m, a.active});
+  run(group::CorrectWork{s, going_on, a.r, a.saved, nullptr});
+  run(group::ResidualWork{s, going_on, a.rhs, a.r, a.norm});
+  run(Decide{Decide::When::step, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(group::CorrectWork{s, {x, m, nullptr}, a.r, a.saved, a.states});
 }
 
 }  // namespace trajopt::linalg

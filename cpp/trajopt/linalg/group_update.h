@@ -100,7 +100,9 @@ TRAJOPT_HD inline void update_tile(const Group& group, const Update& p, int tile
         }
       }
     });
-    for (int t = 0; t < p.terms; ++t) {
+    TRAJOPT_UNROLL
+    for (int t = 0; t < 2; ++t) {
+      if (t == p.terms) break;
       const Product term = p.term[t];
       for (int last = p.size; last > 0; last -= kRows) {
         const int rows = last < kRows ? last : kRows, first = last - rows;

@@ -17,7 +17,7 @@ inline constexpr int kStageRows = 128;  // of a matrix in shared memory,
 inline constexpr int kStageColumns = 16;
 inline constexpr int kStageStride = kStageColumns + 1;  // a column's elements in different banks
 
-constexpr std::size_t vector_bytes(int size) {
+TRAJOPT_HD constexpr std::size_t vector_bytes(int size) {
   const int rows = size < kStageRows ? size : kStageRows;
   return sizeof(double) * (rows < kPanel ? kPanel : rows) * kStageStride;
 }

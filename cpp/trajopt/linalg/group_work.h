@@ -116,7 +116,9 @@ struct UpdateWork {
       u.source_ld = p.from_original ? s.size : s.ld;
     }
     u.terms = p.terms;
-    for (int t = 0; t < p.terms; ++t) {
+    TRAJOPT_UNROLL
+    for (int t = 0; t < 2; ++t) {
+      if (t == p.terms) break;
       const PlannedTerm& term = p.term[t];
       u.term[t] = {s.coupling(item, term.slot), s.scratch_of(item, term.run, term.left ? 1 : 2)};
     }

@@ -86,9 +86,12 @@ class Emulation {
     Values r(x.size()), saved(x.size()), norm(lanes, 0.0);
     std::vector<GroupRefinement> states(lanes);
     std::vector<int> active(lanes);
-    sequence_refine(
-        run_, plan_, entries(), s_, x.data(), m, max_steps, tolerance,
-        {rhs.data(), r.data(), saved.data(), norm.data(), states.data(), active.data()});
+    const RefineArrays arrays{rhs.data(),  r.data(),      saved.data(),
+                              norm.data(), states.data(), active.data()};
+    sequence_refine_start(run_, s_, x.data(), m, max_steps, tolerance, arrays);
+    for (int k = 0; k < max_steps; ++k) {
+      sequence_refine_step(run_, plan_, entries(), s_, x.data(), m, max_steps, tolerance, arrays);
+    }
     Refinement worst;
     for (const GroupRefinement& state : states) {
       worst.steps = std::max(worst.steps, state.steps);

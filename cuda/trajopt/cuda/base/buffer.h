@@ -60,9 +60,10 @@ class DeviceBuffer {
     copy(data(), other.data(), count, cudaMemcpyDeviceToDevice, stream);
   }
   // Every byte zero: for numbers, 0.
-  void set_zero(const Stream& stream) {
+  void set_zero(const Stream& stream) { set_bytes(0, stream); }
+  void set_bytes(int byte, const Stream& stream) {
     if (size_ == 0) return;
-    TRAJOPT_CUDA_CHECK(cudaMemsetAsync(data(), 0, bytes(), stream.get()));
+    TRAJOPT_CUDA_CHECK(cudaMemsetAsync(data(), byte, bytes(), stream.get()));
   }
 
  private:
