@@ -4,9 +4,10 @@
 
 #include <gtest/gtest.h>
 
-#include <cstring>
+#include <functional>
 
 #include "solver/flight.h"
+#include "solver/same_records.h"
 #include "solver/serial_device.h"
 #include "trajopt/solver/funnel_sqp.h"
 
@@ -14,26 +15,6 @@ namespace trajopt {
 namespace {
 
 using linalg::Ordering;
-
-bool same_bits(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
-
-void expect_same_records(const std::vector<IterationRecord>& actual,
-                         const std::vector<IterationRecord>& expected) {
-  ASSERT_EQ(actual.size(), expected.size());
-  for (std::size_t k = 0; k < actual.size(); ++k) {
-    const IterationRecord &a = actual[k], &e = expected[k];
-    ASSERT_TRUE(same_bits(a.objective, e.objective)) << "iteration " << k;
-    ASSERT_EQ(a.terms.size(), e.terms.size());
-    for (std::size_t t = 0; t < a.terms.size(); ++t)
-      ASSERT_TRUE(same_bits(a.terms[t], e.terms[t])) << "iteration " << k << ", term " << t;
-    ASSERT_TRUE(same_bits(a.constraint_norm, e.constraint_norm)) << "iteration " << k;
-    ASSERT_TRUE(same_bits(a.frame_violation, e.frame_violation)) << "iteration " << k;
-    ASSERT_TRUE(same_bits(a.step_norm, e.step_norm)) << "iteration " << k;
-    ASSERT_TRUE(same_bits(a.gain_ratio, e.gain_ratio)) << "iteration " << k;
-    ASSERT_TRUE(same_bits(a.damping, e.damping)) << "iteration " << k;
-    ASSERT_EQ(a.accepted, e.accepted) << "iteration " << k;
-  }
-}
 
 // Both executors on the same case; returns the records.
 std::vector<IterationRecord> compare(const std::function<test::Case()>& make,
@@ -47,11 +28,8 @@ std::vector<IterationRecord> compare(const std::function<test::Case()>& make,
   const Result a = solve_funnel(executor, options, on_device.observer());
   EXPECT_EQ(a.status, e.status) << a.message << "; on the processor: " << e.message;
   EXPECT_EQ(a.message, e.message);
-  expect_same_records(on_device.records, on_cpu.records);
-  EXPECT_EQ(actual.state.size(), expected.state.size());
-  EXPECT_EQ(
-      std::memcmp(actual.state.data(), expected.state.data(), actual.state.size() * sizeof(double)),
-      0);
+  test::expect_same_records(on_device.records, on_cpu.records);
+  test::expect_same_state(actual.state, expected.state);
   return on_cpu.records;
 }
 

@@ -141,8 +141,11 @@ class SerialDevice::Solver {
     active_.resize(norm_.size());
   }
   void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
-    sequence_refine(run_, plan_, entries(), s_, x, m, steps, tolerance,
-                    {rhs, r_.data(), saved_.data(), norm_.data(), states_.data(), active_.data()});
+    const linalg::RefineArrays arrays{rhs,          r_.data(),      saved_.data(),
+                                      norm_.data(), states_.data(), active_.data()};
+    sequence_refine_start(run_, s_, x, m, steps, tolerance, arrays);
+    for (int k = 0; k < steps; ++k)
+      sequence_refine_step(run_, plan_, entries(), s_, x, m, steps, tolerance, arrays);
   }
   const std::string* failure() {
     if (failed_item_ == linalg::GroupSystem::kNever) return nullptr;
