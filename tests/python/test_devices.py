@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import doctest
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -117,3 +119,10 @@ def test_info_with_and_without_cuda(monkeypatch, capsys):
     assert facts["backends"] == "cpu"
     assert facts["CUDA"] == "not compiled in"
     assert facts["GPU"] == "none: the moon is full"
+
+
+def test_examples_of_the_documentation():
+    page = Path(__file__).parents[2] / "docs" / "cuda.md"
+    failed, tried = doctest.testfile(str(page), module_relative=False)
+    assert tried > 0
+    assert failed == 0

@@ -23,7 +23,8 @@ using Values = std::vector<double>;
 constexpr Ordering kOrderings[] = {Ordering::sequential, Ordering::cyclic, Ordering::chunked};
 
 bool same(const Values& a, const Values& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0);
 }
 
 struct Problem {
@@ -37,7 +38,8 @@ struct Problem {
   long values(int m) const { return a.batch() * a.rows() * m; }
 };
 
-void compare(int blocks, int size, int batch, Ordering ordering, int chunks) {
+void compare(int blocks, int size, int batch, Ordering ordering, int chunks,
+             std::vector<int> columns = {1, 1, 3, 17}) {
   SCOPED_TRACE(std::to_string(batch) + " x " + std::to_string(blocks) + " blocks of " +
                std::to_string(size) + ", " + linalg::ordering_name(ordering));
   linalg::Factorization cpu(blocks, size, ordering, chunks, batch);
@@ -48,7 +50,7 @@ void compare(int blocks, int size, int batch, Ordering ordering, int chunks) {
     const double regularization = 1e-2 * round;
     cpu.factor(p.a, p.signs.data(), regularization, 2);
     gpu.factor(p.a, p.signs.data(), regularization);
-    for (int m : {1, 1, 3, 17}) {
+    for (int m : columns) {
       const Values rhs = random_vector(p.values(m), 2);
       Values x = rhs, y = rhs;
       cpu.solve(x.data(), m);
@@ -78,11 +80,11 @@ TEST(DeviceFactorization, EveryOrderingAndLength) {
 
 TEST(DeviceFactorization, SizesOfBlocks) {
   for (int size = 1; size <= 256; size += size < 80 ? 1 : 16) {
-    compare(4, size, 1, Ordering::cyclic, 1);
+    compare(4, size, 1, Ordering::cyclic, 1, {size % 2 == 0 ? 1 : 9});
     if (HasFatalFailure()) return;
   }
-  compare(3, 255, 2, Ordering::chunked, 2);
-  compare(3, 256, 2, Ordering::chunked, 2);
+  compare(3, 255, 2, Ordering::chunked, 2, {1});
+  compare(3, 256, 2, Ordering::chunked, 2, {5});
 }
 
 TEST(DeviceFactorization, NoProblemsAtAll) { compare(4, 3, 0, Ordering::cyclic, 1); }
