@@ -3,7 +3,9 @@
 
 // What follows `if constexpr (...) return` is unreachable, and what only the other branch uses
 // unused, in one of two instantiations.
+#ifdef __CUDACC__
 #pragma nv_diag_suppress 128, 177
+#endif
 
 #include <string>
 #include <vector>
