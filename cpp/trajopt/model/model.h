@@ -10,6 +10,8 @@
 
 #include <vector>
 
+#include "trajopt/base/hd.h"
+
 namespace trajopt {
 
 enum class JointType : int { slide = 0, hinge = 1, ball = 2 };
@@ -31,8 +33,8 @@ struct Joint {
   bool plain = false;  // offset has no rotation: multiplying by it changes nothing
   int aligned = -1;    // k when the axis is the k-th of the frame, else -1
 
-  int ndof() const { return type == JointType::ball ? 3 : 1; }
-  int nq() const { return type == JointType::ball ? 4 : 1; }
+  TRAJOPT_HD int ndof() const { return type == JointType::ball ? 3 : 1; }
+  TRAJOPT_HD int nq() const { return type == JointType::ball ? 4 : 1; }
 };
 
 struct ContactPoint {  // a sphere; radius 0 for box corners and mesh vertices
