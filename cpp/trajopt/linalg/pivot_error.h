@@ -12,6 +12,7 @@ namespace trajopt::linalg {
 inline FactorizationError pivot_error(int item, int block, int row, double value, bool positive,
                                       double regularization) {
   const char* reason = "is zero to working accuracy";
+  if (std::isnan(value)) value = std::abs(value);  // which sign a NaN has depends on the machine
   if (!std::isfinite(value)) {
     reason = "is not finite";
   } else if (positive ? value < 0.0 : value > 0.0) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "linalg/random_matrix.h"
+#include "trajopt/base/error.h"
 #include "trajopt/cuda/linalg/factorization.h"
 #include "trajopt/linalg/factorization.h"
 
@@ -25,6 +26,14 @@ constexpr Ordering kOrderings[] = {Ordering::sequential, Ordering::cyclic, Order
 bool same(const Values& a, const Values& b) {
   return a.size() == b.size() &&
          (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0);
+}
+
+// The words of an error; which sign a NaN has depends on the machine.
+std::string words(const FactorizationError& error) {
+  std::string text = error.what();
+  const std::size_t at = text.find("-nan");
+  if (at != std::string::npos) text.erase(at, 1);
+  return text;
 }
 
 struct Problem {
@@ -141,12 +150,12 @@ TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
         try {
           cpu.factor(a);
         } catch (const FactorizationError& error) {
-          expected = error.what();
+          expected = words(error);
         }
         try {
           gpu.factor(a);
         } catch (const FactorizationError& error) {
-          actual = error.what();
+          actual = words(error);
         }
         EXPECT_EQ(actual, expected);
         Values x(2 * a.rows(), 1.0);
