@@ -11,6 +11,13 @@
 #define TRAJOPT_HD
 #endif
 
+// Instead of `inline constexpr` for a table at namespace scope, of which a device needs its own.
+#ifdef __CUDA_ARCH__
+#define TRAJOPT_TABLE static __device__ constexpr
+#else
+#define TRAJOPT_TABLE inline constexpr
+#endif
+
 // Before a loop of a constant number of rounds, at most 16, whose arrays are to stay in registers.
 #if defined(__CUDA_ARCH__)
 #define TRAJOPT_UNROLL _Pragma("unroll")
