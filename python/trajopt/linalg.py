@@ -25,11 +25,14 @@ import numpy.typing as npt
 import trajopt._core as _core
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError, FactorizationError
 
-__all__ = ["Factorization", "Ordering", "SymmetricBlockTridiagonal"]
+__all__ = ["Factorization", "Ordering", "Precision", "SymmetricBlockTridiagonal"]
 
 Ordering = Literal["auto", "sequential", "cyclic", "chunked"]
 Array = npt.NDArray[np.float64]
+Precision = Literal["float64", "float32"]
 
+_PRECISIONS = ("float64", "float32")
+_SINGLE_REFINEMENTS = 10  # the loop ends where a step no longer halves the residual
 _ORDERINGS = ("auto", "sequential", "cyclic", "chunked")
 
 
@@ -125,6 +128,7 @@ class SymmetricBlockTridiagonal:
         *,
         regularization: float = 0.0,
         chunks: int = 2,
+        precision: Precision = "float64",
     ) -> Factorization:
         """Factor the matrix without pivoting.
 
@@ -144,6 +148,9 @@ class SymmetricBlockTridiagonal:
             Added to the diagonal times `signs`; :meth:`Factorization.solve` can refine it away.
         chunks : int
             Number of sweeps of ``ordering="chunked"``.
+        precision : {"float64", "float32"}
+            Of the factors.  With ``"float32"`` a solution is refined to the accuracy of float64 by
+            default, as long as the matrix is not ill-conditioned beyond float32.
 
         Returns
         -------
@@ -179,8 +186,16 @@ expected a positive one (regularization 0)
             raise ArgumentError(
                 f"regularization is {regularization!r}, expected a finite number >= 0"
             )
+        if precision not in _PRECISIONS:
+            raise ArgumentError(f"precision is {precision!r}, expected one of {_PRECISIONS}")
         return Factorization(
-            self, self._signs(signs), ordering, _threads(threads), float(regularization), chunks
+            self,
+            self._signs(signs),
+            ordering,
+            _threads(threads),
+            float(regularization),
+            chunks,
+            precision,
         )
 
     def _signs(self, signs: npt.ArrayLike | None) -> npt.NDArray[np.int8] | None:
@@ -216,11 +231,13 @@ class Factorization:
         threads: int,
         regularization: float,
         chunks: int,
+        precision: Precision = "float64",
     ) -> None:
         self._matrix = matrix
+        self._precision: Precision = precision
         self._threads = threads
         self._core = _core.BlockFactorization(
-            matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch
+            matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch, precision
         )
         self._core.factor(matrix._core, signs, regularization, threads)
 
@@ -229,14 +246,20 @@ class Factorization:
         """The order of elimination that was used; never ``"auto"``."""
         return cast("str", self._core.ordering)
 
-    def solve(self, rhs: npt.ArrayLike, *, refinements: int = 0) -> Array:
+    @property
+    def precision(self) -> str:
+        """Scalar type of the factors."""
+        return self._precision
+
+    def solve(self, rhs: npt.ArrayLike, *, refinements: int | None = None) -> Array:
         """Solve for one or many right-hand sides.
 
         Parameters
         ----------
         rhs : array_like, shape (..., n, B) or (..., n, B, m)
-        refinements : int
+        refinements : int, optional
             Steps of iterative refinement, at most, against the matrix without regularization.
+            Default: none with float64 factors, ten with float32 ones.
 
         Returns
         -------
@@ -260,6 +283,8 @@ class Factorization:
         b, shape = self._matrix._columns(rhs, "rhs")
         if not np.all(np.isfinite(b)):
             raise ArgumentError("rhs holds NaN or infinity")
+        if refinements is None:
+            refinements = 0 if self._precision == "float64" else _SINGLE_REFINEMENTS
         _require_integer(refinements, "refinements", 0)
         x = self._core.solve(b, self._threads)
         if refinements and x.size:
