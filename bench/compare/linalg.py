@@ -98,6 +98,7 @@ def best_times(calls: dict[str, Any], seconds: float) -> dict[str, float]:
 
 def measure(shapes: list[tuple[int, ...]], seconds: float) -> dict[str, Any]:
     from bench.compare import _peers
+
     from trajopt import _core
 
     native = _peers.Native()
@@ -160,10 +161,10 @@ def measure(shapes: list[tuple[int, ...]], seconds: float) -> dict[str, Any]:
 
 
 def _ours(matrix: Any) -> dict[str, Any]:
-    from bench.compare._peers import Call
-    from trajopt import _core
-
     import numpy as np
+    from bench.compare._peers import Call
+
+    from trajopt import _core
 
     one = _core.BlockTridiagonal(matrix.diagonal[None], matrix.lower[None])
     mixed = matrix.diagonal.copy()
@@ -186,10 +187,10 @@ def _ours(matrix: Any) -> dict[str, Any]:
 
 
 def _our_solve(matrix: Any, ordering: str) -> Any:
-    from bench.compare._peers import Call
-    from trajopt import _core
-
     import numpy as np
+    from bench.compare._peers import Call
+
+    from trajopt import _core
 
     f = _core.BlockFactorization(matrix.blocks, matrix.size, ordering, 2, 1)
     f.factor(_core.BlockTridiagonal(matrix.diagonal[None], matrix.lower[None]), None, 0.0, 1)
@@ -200,7 +201,6 @@ def _our_solve(matrix: Any, ordering: str) -> Any:
 def check(lapacks: list[Any], blasfeo: Any) -> None:
     """The peers compute what they are timed for."""
     import numpy as np
-
     from bench.compare import _peers
 
     matrix = _peers.Matrix.random(5, 9)
@@ -293,7 +293,7 @@ def verdicts(result: dict[str, Any]) -> list[str]:
     )
     text = f"quasi-definite / definite at most {SIGNS_RATIO}"
     judge(text, worst, bool(worst and worst[0] <= SIGNS_RATIO))
-    worst = min(((ours(r) / r["factor_ms"]["ours, two threads"], at[id(r)]) for r in rows))
+    worst = min((ours(r) / r["factor_ms"]["ours, two threads"], at[id(r)]) for r in rows)
     judge(f"two threads at least {THREADS_RATIO} times", worst, worst[0] >= THREADS_RATIO)
     solves = [
         (min(v for k, v in r["solve_ms"].items() if "ours" in k), at[id(r)])
