@@ -8,11 +8,13 @@
 
 namespace trajopt::linalg {
 
+// As it is printed: which sign a NaN has depends on the machine.
+inline double printed(double value) { return std::isnan(value) ? std::abs(value) : value; }
+
 // item < 0: the only problem there is.
 inline FactorizationError pivot_error(int item, int block, int row, double value, bool positive,
                                       double regularization) {
   const char* reason = "is zero to working accuracy";
-  if (std::isnan(value)) value = std::abs(value);  // which sign a NaN has depends on the machine
   if (!std::isfinite(value)) {
     reason = "is not finite";
   } else if (positive ? value < 0.0 : value > 0.0) {
@@ -23,9 +25,19 @@ inline FactorizationError pivot_error(int item, int block, int row, double value
   if (item >= 0) std::snprintf(where, sizeof where, " of problem %d", item);
   std::snprintf(text, sizeof text,
                 "pivot %d of block %d%s is %g, which %s: expected a %s one (regularization %g)",
-                row, block, where, value, reason, positive ? "positive" : "negative",
+                row, block, where, printed(value), reason, positive ? "positive" : "negative",
                 regularization);
   return FactorizationError(text, block, row);
+}
+
+// The border counts as the block behind the last.
+inline FactorizationError border_pivot_error(int blocks, int row, double value, bool positive,
+                                             double regularization) {
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "pivot %d of the border (block %d) is %g: expected a %s one (regularization %g)",
+                row, blocks, printed(value), positive ? "positive" : "negative", regularization);
+  return FactorizationError(text, blocks, row);
 }
 
 }  // namespace trajopt::linalg

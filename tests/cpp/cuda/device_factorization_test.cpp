@@ -28,14 +28,6 @@ bool same(const Values& a, const Values& b) {
          (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0);
 }
 
-// The words of an error; which sign a NaN has depends on the machine.
-std::string words(const FactorizationError& error) {
-  std::string text = error.what();
-  const std::size_t at = text.find("-nan");
-  if (at != std::string::npos) text.erase(at, 1);
-  return text;
-}
-
 struct Problem {
   SymmetricBlockTridiagonal a;
   std::vector<signed char> signs;
@@ -150,12 +142,12 @@ TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
         try {
           cpu.factor(a);
         } catch (const FactorizationError& error) {
-          expected = words(error);
+          expected = error.what();
         }
         try {
           gpu.factor(a);
         } catch (const FactorizationError& error) {
-          actual = words(error);
+          actual = error.what();
         }
         EXPECT_EQ(actual, expected);
         Values x(2 * a.rows(), 1.0);

@@ -80,8 +80,7 @@ def test_same_failure_as_the_processor(ordering, value):
             matrix.factor(ordering=ordering)
         with pytest.raises(trajopt.FactorizationError) as on_gpu:
             matrix.factor(ordering=ordering, device="cuda")
-        # Which sign a NaN has depends on the machine.
-        assert str(on_gpu.value) == str(on_cpu.value).replace("-nan", "nan")
+        assert str(on_gpu.value) == str(on_cpu.value)
         assert on_gpu.value.block == on_cpu.value.block
         assert on_gpu.value.pivot == on_cpu.value.pivot
 

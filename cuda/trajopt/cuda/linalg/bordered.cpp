@@ -1,11 +1,10 @@
 #include "trajopt/cuda/linalg/bordered.h"
 
-#include <cmath>
-#include <cstdio>
 #include <string>
 
 #include "trajopt/cuda/base/device.h"
 #include "trajopt/cuda/linalg/launches.h"
+#include "trajopt/linalg/pivot_error.h"
 
 namespace trajopt::cuda {
 
@@ -65,13 +64,8 @@ void BorderedFactorization::check(const signed char* host_signs,
   const linalg::GroupFailure& failure = host_failure_[0];
   if (failure.block >= 0) {
     const bool positive = !host_border_signs || host_border_signs[failure.row] > 0;
-    char text[200];
-    std::snprintf(text, sizeof text,
-                  "pivot %d of the border (block %d) is %g: expected a %s one (regularization %g)",
-                  failure.row, blocks(),
-                  std::isnan(failure.value) ? std::abs(failure.value) : failure.value,
-                  positive ? "positive" : "negative", regularization);
-    throw FactorizationError(text, blocks(), failure.row);
+    throw linalg::border_pivot_error(blocks(), failure.row, failure.value, positive,
+                                     regularization);
   }
   factored_ = true;
 }
