@@ -17,6 +17,13 @@ namespace {
 using linalg::Factorization;
 using linalg::SymmetricBlockTridiagonal;
 
+linalg::Precision parse_precision(const std::string& name) {
+  for (linalg::Precision precision : {linalg::Precision::float64, linalg::Precision::float32}) {
+    if (name == linalg::precision_name(precision)) return precision;
+  }
+  throw ArgumentError("precision is '" + name + "', expected 'float64' or 'float32'");
+}
+
 SymmetricBlockTridiagonal make_matrix(const Array& diagonal, const Array& lower) {
   require_shape(diagonal, {-1, -1, -1, -1}, "diagonal");
   const long batch = diagonal.shape(0), blocks = diagonal.shape(1), size = diagonal.shape(2);
@@ -86,11 +93,13 @@ void register_linalg(py::module_& m) {
       .def(py::init(&make_matrix), py::arg("diagonal"), py::arg("lower"))
       .def("matmul", &matmul, py::arg("x"), py::arg("threads"));
   py::class_<Factorization>(m, "BlockFactorization")
-      .def(py::init([](int blocks, int size, const std::string& ordering, int chunks, int batch) {
-             return Factorization(blocks, size, parse_ordering(ordering), chunks, batch);
+      .def(py::init([](int blocks, int size, const std::string& ordering, int chunks, int batch,
+                       const std::string& precision) {
+             return Factorization(blocks, size, parse_ordering(ordering), chunks, batch,
+                                  Isa::avx512, parse_precision(precision));
            }),
            py::arg("blocks"), py::arg("size"), py::arg("ordering"), py::arg("chunks"),
-           py::arg("batch"))
+           py::arg("batch"), py::arg("precision") = "float64")
       .def("factor", &factor, py::arg("a"), py::arg("signs"), py::arg("regularization"),
            py::arg("threads"))
       .def("solve", &solve, py::arg("rhs"), py::arg("threads"))

@@ -24,13 +24,16 @@ import numpy.typing as npt
 
 import trajopt._core as _core
 from trajopt.devices import Device, choose_device
-from trajopt.errors import ArgumentError, ArgumentTypeError, FactorizationError
+from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError, FactorizationError
 
-__all__ = ["Factorization", "Ordering", "SymmetricBlockTridiagonal"]
+__all__ = ["Factorization", "Ordering", "Precision", "SymmetricBlockTridiagonal"]
 
 Ordering = Literal["auto", "sequential", "cyclic", "chunked"]
 Array = npt.NDArray[np.float64]
+Precision = Literal["float64", "float32"]
 
+_PRECISIONS = ("float64", "float32")
+_SINGLE_REFINEMENTS = 10  # the loop ends where a step no longer halves the residual
 _ORDERINGS = ("auto", "sequential", "cyclic", "chunked")
 
 
@@ -126,6 +129,7 @@ class SymmetricBlockTridiagonal:
         *,
         regularization: float = 0.0,
         chunks: int = 2,
+        precision: Precision = "float64",
     ) -> Factorization:
         """Factor the matrix without pivoting.
 
@@ -147,6 +151,10 @@ class SymmetricBlockTridiagonal:
             Added to the diagonal times `signs`; :meth:`Factorization.solve` can refine it away.
         chunks : int
             Number of sweeps of ``ordering="chunked"``.
+        precision : {"float64", "float32"}
+            Of the factors.  With ``"float32"`` a solution is refined to the accuracy of float64 by
+            default, as long as the matrix is not ill-conditioned beyond float32.  A GPU has
+            float64 only.
 
         Returns
         -------
@@ -158,7 +166,8 @@ class SymmetricBlockTridiagonal:
             If a pivot is not finite, zero to working accuracy or of the wrong sign; it names the
             block and the row inside it.
         DeviceError
-            If `device` is ``"cuda"`` and there is no GPU to use, or too little memory on it.
+            If `device` is ``"cuda"`` and there is no GPU to use, or too little memory on it, or
+            `precision` is not its own.
 
         Examples
         --------
@@ -173,7 +182,15 @@ expected a positive one (regularization 0)
         """
         if ordering not in _ORDERINGS:
             raise ArgumentError(f"ordering is {ordering!r}, expected one of {_ORDERINGS}")
+        if precision not in _PRECISIONS:
+            raise ArgumentError(f"precision is {precision!r}, expected one of {_PRECISIONS}")
         where = choose_device(device)
+        if where == "cuda" and precision != "float64":
+            if device == "cuda":
+                raise DeviceError(
+                    f"device 'cuda' has factors in float64 only, precision is {precision!r}"
+                )
+            where = "cpu"
         _require_integer(chunks, "chunks", 1)
         if not (np.isfinite(regularization) and regularization >= 0.0):
             raise ArgumentError(
@@ -187,6 +204,7 @@ expected a positive one (regularization 0)
             _threads(threads),
             float(regularization),
             chunks,
+            precision,
         )
 
     def _signs(self, signs: npt.ArrayLike | None) -> npt.NDArray[np.int8] | None:
@@ -223,12 +241,18 @@ class Factorization:
         threads: int,
         regularization: float,
         chunks: int,
+        precision: Precision = "float64",
     ) -> None:
         self._matrix = matrix
+        self._precision: Precision = precision
         self._threads = threads
         self._device: Device = device
-        make = _core.CudaBlockFactorization if device == "cuda" else _core.BlockFactorization
-        self._core = make(matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch)
+        shape = (matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch)
+        self._core = (
+            _core.CudaBlockFactorization(*shape)
+            if device == "cuda"
+            else _core.BlockFactorization(*shape, precision)
+        )
         self._core.factor(matrix._core, signs, regularization, threads)
 
     @property
@@ -241,14 +265,20 @@ class Factorization:
         """Where the factors are: ``"cpu"`` or ``"cuda"``; never ``"auto"``."""
         return self._device
 
-    def solve(self, rhs: npt.ArrayLike, *, refinements: int = 0) -> Array:
+    @property
+    def precision(self) -> str:
+        """Scalar type of the factors."""
+        return self._precision
+
+    def solve(self, rhs: npt.ArrayLike, *, refinements: int | None = None) -> Array:
         """Solve for one or many right-hand sides.
 
         Parameters
         ----------
         rhs : array_like, shape (..., n, B) or (..., n, B, m)
-        refinements : int
+        refinements : int, optional
             Steps of iterative refinement, at most, against the matrix without regularization.
+            Default: none with float64 factors, ten with float32 ones.
 
         Returns
         -------
@@ -272,6 +302,8 @@ class Factorization:
         b, shape = self._matrix._columns(rhs, "rhs")
         if not np.all(np.isfinite(b)):
             raise ArgumentError("rhs holds NaN or infinity")
+        if refinements is None:
+            refinements = 0 if self._precision == "float64" else _SINGLE_REFINEMENTS
         _require_integer(refinements, "refinements", 0)
         x = self._core.solve(b, self._threads)
         if refinements and x.size:

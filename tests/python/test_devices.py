@@ -46,6 +46,13 @@ def test_auto_takes_the_gpu(monkeypatch):
     assert choose_device("cpu") == "cpu"
 
 
+def test_single_precision_is_the_processors(monkeypatch):
+    pretend(monkeypatch, "")
+    assert MATRIX.factor(device="auto", precision="float32").device == "cpu"
+    with pytest.raises(trajopt.DeviceError, match="float64 only, precision is 'float32'"):
+        MATRIX.factor(device="cuda", precision="float32")
+
+
 @pytest.mark.parametrize("device", ["gpu", "", "CUDA", "cuda:1"])
 def test_unknown_device(device):
     with pytest.raises(trajopt.ArgumentError, match="expected 'cpu', 'cuda' or 'auto'"):

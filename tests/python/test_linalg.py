@@ -238,3 +238,23 @@ def test_the_input_is_copied():
     before = matrix.matmul(np.ones((3, 4)))
     diagonal[:] = 0.0
     assert np.array_equal(matrix.matmul(np.ones((3, 4))), before)
+
+
+@pytest.mark.parametrize("ordering", ORDERINGS)
+def test_single_precision_refines_to_double(ordering):
+    signs = mixed_signs(9, 14)
+    diagonal, lower = random_blocks(9, 14, signs)
+    matrix = SymmetricBlockTridiagonal(diagonal, lower)
+    rhs = np.random.default_rng(3).standard_normal((9, 14, 2))
+    single = matrix.factor(signs, ordering, precision="float32")
+    double = matrix.factor(signs, ordering)
+    assert (single.precision, double.precision) == ("float32", "float64")
+    expected = double.solve(rhs)
+    assert np.max(np.abs(single.solve(rhs, refinements=0) - expected)) > 1e-12
+    np.testing.assert_allclose(single.solve(rhs), expected, rtol=0, atol=1e-14)
+
+
+def test_unknown_precision_is_refused():
+    matrix = SymmetricBlockTridiagonal(*random_blocks(3, 2))
+    with pytest.raises(trajopt.ArgumentError, match="precision is 'float16'"):
+        matrix.factor(precision="float16")

@@ -17,8 +17,8 @@ SymmetricBlockTridiagonal::SymmetricBlockTridiagonal(int blocks, int size, int b
         std::to_string(blocks) + " blocks of size " + std::to_string(size) + ", batch of " +
         std::to_string(batch));
   }
-  diagonal_ = BlockBuffer(offset(0, batch, blocks));
-  lower_ = BlockBuffer(offset(0, batch, blocks - 1));
+  diagonal_ = BlockBuffer(size_product({batch, blocks, size, size}));
+  lower_ = BlockBuffer(size_product({batch, blocks - 1, size, size}));
 }
 
 void SymmetricBlockTridiagonal::set_zero() {

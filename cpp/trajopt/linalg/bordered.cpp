@@ -1,11 +1,11 @@
 #include "trajopt/linalg/bordered.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <string>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
+#include "trajopt/linalg/pivot_error.h"
 
 namespace trajopt::linalg {
 
@@ -58,12 +58,7 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
   const Pivot pivot = kernels_->eliminate(s);
   if (pivot.row >= 0) {
     const bool positive = !border_signs || border_signs[pivot.row] > 0;
-    char text[200];
-    std::snprintf(text, sizeof text,
-                  "pivot %d of the border (block %d) is %g: expected a %s one (regularization %g)",
-                  pivot.row, blocks(), pivot.value, positive ? "positive" : "negative",
-                  regularization);
-    throw FactorizationError(text, blocks(), pivot.row);
+    throw border_pivot_error(blocks(), pivot.row, pivot.value, positive, regularization);
   }
   kernels_->pack(border_, schur_.data(), ld_, packed_.data());
   factored_ = true;

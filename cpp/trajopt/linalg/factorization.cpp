@@ -1,12 +1,11 @@
 #include "trajopt/linalg/factorization.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <string>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
+#include "trajopt/linalg/pivot_error.h"
 
 namespace trajopt::linalg {
 
@@ -79,21 +78,8 @@ void Factorization::fail(int item, const PivotFailure& failure, const signed cha
                          double regularization) const {
   const long row = static_cast<long>(failure.block) * size_ + failure.pivot.row;
   const bool positive = !signs || signs[row] > 0;
-  const double d = failure.pivot.value;
-  const char* reason = "is zero to working accuracy";
-  if (!std::isfinite(d)) {
-    reason = "is not finite";
-  } else if (positive ? d < 0.0 : d > 0.0) {
-    reason = "has the wrong sign";
-  }
-  char text[256];
-  char where[48] = "";
-  if (batch_ > 1) std::snprintf(where, sizeof where, " of problem %d", item);
-  std::snprintf(text, sizeof text,
-                "pivot %d of block %d%s is %g, which %s: expected a %s one (regularization %g)",
-                failure.pivot.row, failure.block, where, d, reason,
-                positive ? "positive" : "negative", regularization);
-  throw FactorizationError(text, failure.block, failure.pivot.row);
+  throw pivot_error(batch_ > 1 ? item : -1, failure.block, failure.pivot.row, failure.pivot.value,
+                    positive, regularization);
 }
 
 }  // namespace trajopt::linalg

@@ -39,7 +39,8 @@ struct Product {
 };
 
 struct Update {
-  int size = 0;
+  int size = 0;                    // of the target
+  long depth = 0;                  // rows of the factors
   long ld = 0;                     // of the factors
   const double* source = nullptr;  // nullptr: zero; may be the target
   long source_ld = 0;
@@ -104,8 +105,9 @@ TRAJOPT_HD inline void update_tile(const Group& group, const Update& p, int tile
     for (int t = 0; t < 2; ++t) {
       if (t == p.terms) break;
       const Product term = p.term[t];
-      for (int last = p.size; last > 0; last -= kRows) {
-        const int rows = last < kRows ? last : kRows, first = last - rows;
+      for (long last = p.depth; last > 0; last -= kRows) {
+        const int rows = last < kRows ? static_cast<int>(last) : kRows;
+        const long first = last - rows;
         for_each(group, rows * across * kSquare, [&](int at) {
           const int k = at / (across * kSquare), c = at % (across * kSquare);
           const long row = (first + k) * p.ld;

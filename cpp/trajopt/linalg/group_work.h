@@ -108,6 +108,7 @@ struct UpdateWork {
     if (given_up(s, item, stage) || (!p.fill && column > row)) return;
     Update u;
     u.size = s.size;
+    u.depth = s.size;
     u.ld = u.target_ld = s.ld;
     u.lower = !p.fill;
     u.target = p.fill ? s.coupling(item, p.target) : s.w_of(item, p.target);

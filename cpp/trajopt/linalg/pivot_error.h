@@ -8,6 +8,9 @@
 
 namespace trajopt::linalg {
 
+// As it is printed: which sign a NaN has depends on the machine.
+inline double printed(double value) { return std::isnan(value) ? std::abs(value) : value; }
+
 // item < 0: the only problem there is.
 inline FactorizationError pivot_error(int item, int block, int row, double value, bool positive,
                                       double regularization) {
@@ -22,9 +25,19 @@ inline FactorizationError pivot_error(int item, int block, int row, double value
   if (item >= 0) std::snprintf(where, sizeof where, " of problem %d", item);
   std::snprintf(text, sizeof text,
                 "pivot %d of block %d%s is %g, which %s: expected a %s one (regularization %g)",
-                row, block, where, value, reason, positive ? "positive" : "negative",
+                row, block, where, printed(value), reason, positive ? "positive" : "negative",
                 regularization);
   return FactorizationError(text, block, row);
+}
+
+// The border counts as the block behind the last.
+inline FactorizationError border_pivot_error(int blocks, int row, double value, bool positive,
+                                             double regularization) {
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "pivot %d of the border (block %d) is %g: expected a %s one (regularization %g)",
+                row, blocks, printed(value), positive ? "positive" : "negative", regularization);
+  return FactorizationError(text, blocks, row);
 }
 
 }  // namespace trajopt::linalg

@@ -20,18 +20,27 @@ double largest_magnitude(const double* x, long rows, int columns, long ld) {
   return most;
 }
 
-// A few columns at a time are rounded, solved for and written back.
+// A few columns at a time are rounded, solved for and written back. Powers of two bring each column
+// to the middle of float32's range: corrections of a refinement would leave it otherwise.
 void Factorization::solve_in_single(int item, double* rhs, int m, int threads) const {
   const long rows = static_cast<long>(blocks_) * size_;
   float* x = columns_.data() + item * rows * kColumnsAtOnce;
   for (int c = 0; c < m; c += kColumnsAtOnce) {
     const int columns = std::min(kColumnsAtOnce, m - c);
-    for (long i = 0; i < rows; ++i) {
-      for (int j = 0; j < columns; ++j) x[i * columns + j] = static_cast<float>(rhs[i * m + c + j]);
+    double scale[kColumnsAtOnce];
+    for (int j = 0; j < columns; ++j) {
+      const double most = largest_magnitude(rhs + c + j, rows, 1, m);
+      const int exponent = most > 0.0 && std::isfinite(most) ? std::ilogb(most) : 0;
+      scale[j] = std::ldexp(1.0, std::clamp(exponent, -1000, 1000));
+      for (long i = 0; i < rows; ++i) {
+        x[i * columns + j] = static_cast<float>(rhs[i * m + c + j] / scale[j]);
+      }
     }
     single_->solve(item, x, columns, threads);
     for (long i = 0; i < rows; ++i) {
-      for (int j = 0; j < columns; ++j) rhs[i * m + c + j] = x[i * columns + j];
+      for (int j = 0; j < columns; ++j) {
+        rhs[i * m + c + j] = x[i * columns + j] * scale[j];
+      }
     }
   }
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "linalg/random_matrix.h"
+#include "trajopt/base/error.h"
 #include "trajopt/cuda/linalg/factorization.h"
 #include "trajopt/linalg/factorization.h"
 

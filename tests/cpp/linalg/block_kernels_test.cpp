@@ -14,21 +14,26 @@
 namespace trajopt::linalg {
 namespace {
 
-using reference::Matrix;
+template <class T>
+using Matrix = reference::MatrixOf<T>;
 
 // A matrix in the layout the kernels work on: padded rows, spare memory behind the end.
+template <class T>
 class Padded {
  public:
-  Padded(int rows, int columns, const Matrix& from = {})
-      : rows_(rows), columns_(columns), ld_(padded(columns)), buffer_(rows * padded(columns)) {
+  Padded(int rows, int columns, const Matrix<T>& from = {})
+      : rows_(rows),
+        columns_(columns),
+        ld_(padded<T>(columns)),
+        buffer_(rows * padded<T>(columns)) {
     for (int i = 0; i < rows && !from.empty(); ++i) {
       std::copy_n(from.data() + i * columns, columns, data() + i * ld_);
     }
   }
-  double* data() const { return buffer_.data(); }
+  T* data() const { return buffer_.data(); }
   long ld() const { return ld_; }
-  Matrix matrix() const {
-    Matrix m;
+  Matrix<T> matrix() const {
+    Matrix<T> m;
     for (int i = 0; i < rows_; ++i)
       m.insert(m.end(), data() + i * ld_, data() + i * ld_ + columns_);
     return m;
@@ -37,20 +42,22 @@ class Padded {
  private:
   int rows_, columns_;
   long ld_;
-  BlockBuffer buffer_;
+  BasicBlockBuffer<T> buffer_;
 };
 
-void expect_same_bits(const Matrix& actual, const Matrix& expected, const char* what) {
+template <class T>
+void expect_same_bits(const Matrix<T>& actual, const Matrix<T>& expected, const char* what) {
   ASSERT_EQ(actual.size(), expected.size());
   for (std::size_t i = 0; i < actual.size(); ++i) {
-    ASSERT_EQ(std::memcmp(&actual[i], &expected[i], sizeof(double)), 0)
+    ASSERT_EQ(std::memcmp(&actual[i], &expected[i], sizeof(T)), 0)
         << what << " element " << i << ": " << actual[i] << " instead of " << expected[i];
   }
 }
 
-Matrix lower_triangle(Matrix m, int size, bool strict) {
+template <class T>
+Matrix<T> lower_triangle(Matrix<T> m, int size, bool strict) {
   for (int i = 0; i < size; ++i) {
-    for (int j = i + (strict ? 0 : 1); j < size; ++j) m[i * size + j] = 0.0;
+    for (int j = i + (strict ? 0 : 1); j < size; ++j) m[i * size + j] = 0;
   }
   return m;
 }
@@ -60,38 +67,57 @@ class BlockKernelsTest : public testing::TestWithParam<std::tuple<Isa, int>> {
   void SetUp() override {
     if (active_isa() < std::get<0>(GetParam())) GTEST_SKIP() << "not on this machine";
   }
-  const BlockKernels& kernels() const { return block_kernels(std::get<0>(GetParam())); }
-  int size() const { return std::get<1>(GetParam()); }
-  Matrix random(int rows, int columns, unsigned seed) const {
-    return test::random_vector(static_cast<std::size_t>(rows) * columns, seed);
+  template <class T>
+  const BasicBlockKernels<T>& kernels() const {
+    return block_kernels<T>(std::get<0>(GetParam()));
   }
+  int size() const { return std::get<1>(GetParam()); }
+  template <class T>
+  Matrix<T> random(int rows, int columns, unsigned seed) const {
+    const auto values = test::random_vector(static_cast<std::size_t>(rows) * columns, seed);
+    return Matrix<T>(values.begin(), values.end());
+  }
+
+  template <class T>
+  void eliminate() const;
+  template <class T>
+  void update() const;
+  template <class T>
+  void transpose() const;
+  template <class T>
+  void vectors() const;
+  template <class T>
+  void rectangular_products() const;
 };
 
-TEST_P(BlockKernelsTest, Eliminate) {
+template <class T>
+void BlockKernelsTest::eliminate() const {
   const int n = size();
   const auto signs = test::mixed_signs(n, n);
-  Matrix a = random(n, n, 1);
-  for (int i = 0; i < n; ++i) a[i * n + i] = signs[i] * (4.0 * n + 1.0 + a[i * n + i] * 0.1);
-  const Padded w(n, n, a), u(n, n), left(n, n, random(n, n, 2)), right(n, n, random(n, n, 3));
-  const Padded v_left(n, n), v_right(n, n), u_left(n, n), u_right(n, n);
-  Matrix inverse(n);
-  Elimination e;
+  Matrix<T> a = random<T>(n, n, 1);
+  for (int i = 0; i < n; ++i) a[i * n + i] = signs[i] * (T(4) * n + 1 + a[i * n + i] * T(0.1));
+  const std::vector<double> original(a.begin(), a.end());
+  const Padded<T> w(n, n, a), u(n, n), left(n, n, random<T>(n, n, 2)),
+      right(n, n, random<T>(n, n, 3));
+  const Padded<T> v_left(n, n), v_right(n, n), u_left(n, n), u_right(n, n);
+  Matrix<T> inverse(n);
+  BasicElimination<T> e;
   e.size = n;
   e.ld = w.ld();
   e.diagonal = e.w = w.data();
   e.diagonal_ld = w.ld();
-  e.original = a.data();
+  e.original = original.data();
   e.signs = signs.data();
   e.regularization = 0.25;
   e.u = u.data();
   e.inverse = inverse.data();
   e.left = {left.data(), left.ld(), v_left.data(), u_left.data()};
   e.right = {right.data(), right.ld(), v_right.data(), u_right.data()};
-  ASSERT_EQ(kernels().eliminate(e).row, -1);
+  ASSERT_EQ(kernels<T>().eliminate(e).row, -1);
 
-  std::vector<Matrix> s = {left.matrix(), right.matrix()}, unscaled;
-  Matrix expected_inverse(n);
-  reference::eliminate(n, a, expected_inverse, s, unscaled, signs.data(), 0.25);
+  std::vector<Matrix<T>> s = {left.matrix(), right.matrix()}, unscaled;
+  Matrix<T> expected_inverse(n);
+  reference::eliminate(n, a, expected_inverse, s, unscaled, signs.data(), T(0.25));
   expect_same_bits(inverse, expected_inverse, "inverse");
   expect_same_bits(lower_triangle(w.matrix(), n, true), lower_triangle(a, n, true), "W");
   expect_same_bits(v_left.matrix(), s[0], "left V");
@@ -100,94 +126,124 @@ TEST_P(BlockKernelsTest, Eliminate) {
   expect_same_bits(u_right.matrix(), unscaled[1], "right U");
 }
 
-TEST_P(BlockKernelsTest, Update) {
+template <class T>
+void BlockKernelsTest::update() const {
   const int n = size();
-  const Matrix source = random(n, n, 4);
-  const Padded v(n, n, random(n, n, 5)), u(n, n, random(n, n, 6)), from(n, n, source);
-  Matrix expected;
+  const Matrix<T> source = random<T>(n, n, 4);
+  const Padded<T> v(n, n, random<T>(n, n, 5)), u(n, n, random<T>(n, n, 6)), from(n, n, source);
+  Matrix<T> expected;
   reference::update(n, source, expected, v.matrix(), u.matrix());
-  const Padded whole(n, n), lower(n, n), negative(n, n);
-  kernels().update(n, n, n, from.data(), from.ld(), whole.data(), whole.ld(), v.data(), v.ld(),
-                   u.data(), u.ld(), false);
+  const Padded<T> whole(n, n), lower(n, n), negative(n, n);
+  kernels<T>().update(n, n, n, from.data(), from.ld(), whole.data(), whole.ld(), v.data(), v.ld(),
+                      u.data(), u.ld(), false);
   expect_same_bits(whole.matrix(), expected, "whole");
-  kernels().update(n, n, n, from.data(), from.ld(), lower.data(), lower.ld(), v.data(), v.ld(),
-                   u.data(), u.ld(), true);
+  kernels<T>().update(n, n, n, from.data(), from.ld(), lower.data(), lower.ld(), v.data(), v.ld(),
+                      u.data(), u.ld(), true);
   expect_same_bits(lower_triangle(lower.matrix(), n, false), lower_triangle(expected, n, false),
                    "lower");
-  reference::update(n, Matrix(source.size(), 0.0), expected, v.matrix(), u.matrix());
-  kernels().update(n, n, n, nullptr, 0, negative.data(), negative.ld(), v.data(), v.ld(), u.data(),
-                   u.ld(), false);
+  reference::update(n, Matrix<T>(source.size(), 0), expected, v.matrix(), u.matrix());
+  kernels<T>().update(n, n, n, nullptr, 0, negative.data(), negative.ld(), v.data(), v.ld(),
+                      u.data(), u.ld(), false);
   expect_same_bits(negative.matrix(), expected, "from zero");
 }
 
-TEST_P(BlockKernelsTest, Transpose) {
+template <class T>
+void BlockKernelsTest::transpose() const {
   const int n = size();
-  const Matrix source = random(n, n, 7);
-  const Padded from(n, n, source), to(n, n);
-  kernels().transpose(n, from.data(), from.ld(), to.data(), to.ld());
-  Matrix expected(source.size());
+  const Matrix<T> source = random<T>(n, n, 7);
+  const Padded<T> from(n, n, source), to(n, n);
+  kernels<T>().transpose(n, from.data(), from.ld(), to.data(), to.ld());
+  Matrix<T> expected(source.size());
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j) expected[j * n + i] = source[i * n + j];
   }
   expect_same_bits(to.matrix(), expected, "transpose");
 }
 
-TEST_P(BlockKernelsTest, Vectors) {
+template <class T>
+void BlockKernelsTest::vectors() const {
   const int n = size();
-  const Padded w(n, n, random(n, n, 8));
-  const Matrix matrix = w.matrix();
-  const BlockBuffer packed(PackedTriangle<double>::length(n));
-  kernels().pack(n, w.data(), w.ld(), packed.data());
+  const Padded<T> w(n, n, random<T>(n, n, 8));
+  const Matrix<T> matrix = w.matrix();
+  const BasicBlockBuffer<T> packed(PackedTriangle<T>::length(n));
+  kernels<T>().pack(n, w.data(), w.ld(), packed.data());
   for (int m : {1, 2, 5, 8, 17, 25}) {
     if (n > 100 && m > 5) continue;
-    const Matrix x = random(n, m, 9), start = random(n, m, 10);
-    Matrix actual = start, expected = start;
-    kernels().subtract(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
+    const Matrix<T> x = random<T>(n, m, 9), start = random<T>(n, m, 10);
+    Matrix<T> actual = start, expected = start;
+    kernels<T>().subtract(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
     reference::subtract(n, n, matrix, x, expected, m);
     expect_same_bits(actual, expected, "subtract");
 
     actual = expected = start;
-    kernels().subtract_transposed(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
+    kernels<T>().subtract_transposed(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
     reference::subtract_transposed(n, n, matrix, x, expected, m);
     expect_same_bits(actual, expected, "subtract_transposed");
 
     actual = expected = start;
-    kernels().subtract_symmetric(n, w.data(), w.ld(), x.data(), actual.data(), m, m, m);
+    kernels<T>().subtract_symmetric(n, w.data(), w.ld(), x.data(), actual.data(), m, m, m);
     reference::subtract_symmetric(n, matrix, x, expected, m);
     expect_same_bits(actual, expected, "subtract_symmetric");
 
     actual = expected = start;
-    kernels().substitute(n, packed.data(), actual.data(), m, m, 0);
+    kernels<T>().substitute(n, packed.data(), actual.data(), m, m, 0);
     reference::substitute(n, matrix, expected, m);
     expect_same_bits(actual, expected, "substitute");
 
     actual = expected = start;
-    kernels().substitute_transposed(n, packed.data(), actual.data(), m, m, 0);
+    kernels<T>().substitute_transposed(n, packed.data(), actual.data(), m, m, 0);
     reference::substitute_transposed(n, matrix, expected, m);
     expect_same_bits(actual, expected, "substitute_transposed");
   }
 }
 
-TEST_P(BlockKernelsTest, RectangularProducts) {
+template <class T>
+void BlockKernelsTest::rectangular_products() const {
   const int rows = size(), columns = size() / 2 + 1;
-  const Padded v(rows, columns, random(rows, columns, 11));
+  const Padded<T> v(rows, columns, random<T>(rows, columns, 11));
   for (int m : {1, 3}) {
-    Matrix y = random(rows, m, 12), x = random(columns, m, 13), expected = y;
-    kernels().subtract(rows, columns, v.data(), v.ld(), x.data(), y.data(), m, m, m, 0);
+    Matrix<T> y = random<T>(rows, m, 12), x = random<T>(columns, m, 13), expected = y;
+    kernels<T>().subtract(rows, columns, v.data(), v.ld(), x.data(), y.data(), m, m, m, 0);
     reference::subtract(rows, columns, v.matrix(), x, expected, m);
     expect_same_bits(y, expected, "subtract");
     expected = x;
-    kernels().subtract_transposed(rows, columns, v.data(), v.ld(), y.data(), x.data(), m, m, m, 0);
+    kernels<T>().subtract_transposed(rows, columns, v.data(), v.ld(), y.data(), x.data(), m, m, m,
+                                     0);
     reference::subtract_transposed(rows, columns, v.matrix(), y, expected, m);
     expect_same_bits(x, expected, "subtract_transposed");
   }
 }
 
+TEST_P(BlockKernelsTest, Eliminate) {
+  eliminate<double>();
+  eliminate<float>();
+}
+
+TEST_P(BlockKernelsTest, Update) {
+  update<double>();
+  update<float>();
+}
+
+TEST_P(BlockKernelsTest, Transpose) {
+  transpose<double>();
+  transpose<float>();
+}
+
+TEST_P(BlockKernelsTest, Vectors) {
+  vectors<double>();
+  vectors<float>();
+}
+
+TEST_P(BlockKernelsTest, RectangularProducts) {
+  rectangular_products<double>();
+  rectangular_products<float>();
+}
+
 INSTANTIATE_TEST_SUITE_P(Sizes, BlockKernelsTest,
                          testing::Combine(testing::Values(Isa::portable, Isa::avx2, Isa::avx512),
                                           testing::Values(1, 2, 3, 4, 5, 7, 8, 9, 10, 11, 12, 13,
-                                                          16, 17, 23, 24, 25, 31, 32, 40, 48, 64,
-                                                          82, 96, 130, 256)),
+                                                          15, 16, 17, 23, 24, 25, 31, 32, 40, 48,
+                                                          64, 63, 65, 82, 96, 130, 200, 255, 256)),
                          [](const auto& info) {
                            return std::string(isa_name(std::get<0>(info.param))) + "_" +
                                   std::to_string(std::get<1>(info.param));

@@ -208,6 +208,7 @@ TEST_P(GroupTest, Update) {
     Padded whole(n), lower(n, source), fill(n);
     group::Update p;
     p.size = n;
+    p.depth = n;
     p.ld = pv.ld();
     p.source = source.data();
     p.source_ld = n;

@@ -9,29 +9,32 @@
 
 namespace trajopt::reference {
 
-using Matrix = std::vector<double>;  // row-major, no padding
+template <class T>
+using MatrixOf = std::vector<T>;  // row-major, no padding
+using Matrix = MatrixOf<double>;
 
 // A = Wt D W from the last row to the first, W unit lower triangular: on return the strict lower
 // triangle of `a` is W and `inverse` the diagonal of D^-1. Couplings s (size x size) become
 // V = D^-1 W^-T s, their unscaled U = W^-T s goes to u.
-inline void eliminate(int size, Matrix& a, Matrix& inverse, std::vector<Matrix>& s,
-                      std::vector<Matrix>& u, const signed char* signs, double regularization) {
-  Matrix unscaled = a;
+template <class T>
+inline void eliminate(int size, MatrixOf<T>& a, MatrixOf<T>& inverse, std::vector<MatrixOf<T>>& s,
+                      std::vector<MatrixOf<T>>& u, const signed char* signs, T regularization) {
+  MatrixOf<T> unscaled = a;
   for (int q = size - 1; q >= 0; --q) {
-    inverse[q] = 1.0 / (unscaled[q * size + q] + (signs ? signs[q] : 1) * regularization);
+    inverse[q] = T(1) / (unscaled[q * size + q] + (signs ? signs[q] : T(1)) * regularization);
     for (int i = q - 1; i >= 0; --i) {
-      const double w = a[q * size + i] = unscaled[q * size + i] * inverse[q];
+      const T w = a[q * size + i] = unscaled[q * size + i] * inverse[q];
       for (int j = 0; j <= i; ++j) {
         unscaled[i * size + j] = std::fma(-w, unscaled[q * size + j], unscaled[i * size + j]);
       }
-      for (Matrix& c : s) {
+      for (MatrixOf<T>& c : s) {
         for (int j = 0; j < size; ++j)
           c[i * size + j] = std::fma(-w, c[q * size + j], c[i * size + j]);
       }
     }
   }
   u = s;
-  for (Matrix& c : s) {
+  for (MatrixOf<T>& c : s) {
     for (int k = 0; k < size; ++k) {
       for (int j = 0; j < size; ++j) c[k * size + j] *= inverse[k];
     }
@@ -39,13 +42,14 @@ inline void eliminate(int size, Matrix& a, Matrix& inverse, std::vector<Matrix>&
 }
 
 // target = source - Vt U.
-inline void update(int size, const Matrix& source, Matrix& target, const Matrix& v,
-                   const Matrix& u) {
+template <class T>
+inline void update(int size, const MatrixOf<T>& source, MatrixOf<T>& target, const MatrixOf<T>& v,
+                   const MatrixOf<T>& u) {
   target = source;
   for (int k = size - 1; k >= 0; --k) {
     for (int i = 0; i < size; ++i) {
       for (int j = 0; j < size; ++j) {
-        double& t = target[i * size + j];
+        T& t = target[i * size + j];
         t = std::fma(-v[k * size + i], u[k * size + j], t);
       }
     }
@@ -53,7 +57,8 @@ inline void update(int size, const Matrix& source, Matrix& target, const Matrix&
 }
 
 // x = W^-T x.
-inline void substitute_transposed(int size, const Matrix& w, Matrix& x, int m) {
+template <class T>
+inline void substitute_transposed(int size, const MatrixOf<T>& w, MatrixOf<T>& x, int m) {
   for (int k = size - 1; k > 0; --k) {
     for (int i = 0; i < k; ++i) {
       for (int j = 0; j < m; ++j)
@@ -63,7 +68,8 @@ inline void substitute_transposed(int size, const Matrix& w, Matrix& x, int m) {
 }
 
 // x = W^-1 x.
-inline void substitute(int size, const Matrix& w, Matrix& x, int m) {
+template <class T>
+inline void substitute(int size, const MatrixOf<T>& w, MatrixOf<T>& x, int m) {
   for (int k = 0; k + 1 < size; ++k) {
     for (int i = k + 1; i < size; ++i) {
       for (int j = 0; j < m; ++j)
@@ -73,8 +79,9 @@ inline void substitute(int size, const Matrix& w, Matrix& x, int m) {
 }
 
 // y -= Vt x for rows x columns V.
-inline void subtract_transposed(int rows, int columns, const Matrix& v, const Matrix& x, Matrix& y,
-                                int m) {
+template <class T>
+inline void subtract_transposed(int rows, int columns, const MatrixOf<T>& v, const MatrixOf<T>& x,
+                                MatrixOf<T>& y, int m) {
   for (int k = rows - 1; k >= 0; --k) {
     for (int i = 0; i < columns; ++i) {
       for (int j = 0; j < m; ++j) {
@@ -85,7 +92,9 @@ inline void subtract_transposed(int rows, int columns, const Matrix& v, const Ma
 }
 
 // y -= V x for rows x columns V.
-inline void subtract(int rows, int columns, const Matrix& v, const Matrix& x, Matrix& y, int m) {
+template <class T>
+inline void subtract(int rows, int columns, const MatrixOf<T>& v, const MatrixOf<T>& x,
+                     MatrixOf<T>& y, int m) {
   for (int k = 0; k < columns; ++k) {
     for (int i = 0; i < rows; ++i) {
       for (int j = 0; j < m; ++j) {
@@ -96,10 +105,12 @@ inline void subtract(int rows, int columns, const Matrix& v, const Matrix& x, Ma
 }
 
 // y -= A x with the lower triangle of A.
-inline void subtract_symmetric(int size, const Matrix& a, const Matrix& x, Matrix& y, int m) {
+template <class T>
+inline void subtract_symmetric(int size, const MatrixOf<T>& a, const MatrixOf<T>& x, MatrixOf<T>& y,
+                               int m) {
   for (int k = 0; k < size; ++k) {
     for (int i = 0; i < size; ++i) {
-      const double s = i >= k ? a[i * size + k] : a[k * size + i];
+      const T s = i >= k ? a[i * size + k] : a[k * size + i];
       for (int j = 0; j < m; ++j) y[i * m + j] = std::fma(-s, x[k * m + j], y[i * m + j]);
     }
   }

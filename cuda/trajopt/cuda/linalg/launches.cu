@@ -38,7 +38,22 @@ void launch_refine_step(const GroupPlan& plan, const PlanEntries& at, const Grou
   sequence_refine_step(StreamExecutor{stream}, plan, at, s, x, m, max_steps, tolerance, a);
 }
 
+void launch_border_factor(const GroupBorder& b, const Stream& stream) {
+  launch(group::BorderUpdateWork{b}, stream);
+  launch(group::BorderEliminateWork{b}, stream);
+}
+
+void launch_border_solve(const GroupBorder& b, int size, double* z, double* y, int m,
+                         const Stream& stream) {
+  launch(group::BorderSolveWork{b, z, y, m}, stream);
+  launch(group::BorderSpreadWork{b, size, y, z, m}, stream);
+}
+
 void load_linalg_kernels() {
+  load<group::BorderUpdateWork>();
+  load<group::BorderEliminateWork>();
+  load<group::BorderSolveWork>();
+  load<group::BorderSpreadWork>();
   load<group::EliminateWork>();
   load<group::UpdateWork>();
   load<group::ForwardWork>();
@@ -57,6 +72,13 @@ std::size_t linalg_shared_memory(int size) {
                    group::UpdateWork{s, nullptr, 0, 0}.bytes(),
                    group::BackwardWork{s, v, nullptr, 0}.bytes(),
                    group::ResidualWork{s, v, nullptr, nullptr, nullptr}.bytes()});
+}
+
+std::size_t border_shared_memory(int border) {
+  GroupBorder b;
+  b.border = border;
+  return std::max({group::BorderUpdateWork{b}.bytes(), group::BorderEliminateWork{b}.bytes(),
+                   group::BorderSolveWork{b, nullptr, nullptr, 1}.bytes()});
 }
 
 std::size_t linalg_shared_memory_with_w(int size) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "trajopt/cuda/base/stream.h"
+#include "trajopt/linalg/group_border.h"
 #include "trajopt/linalg/group_sequence.h"
 
 namespace trajopt::cuda {
@@ -16,12 +17,20 @@ void launch_refine_step(const linalg::GroupPlan& plan, const linalg::PlanEntries
                         const linalg::GroupSystem& s, double* x, int m, int max_steps,
                         double tolerance, const linalg::RefineArrays& a, const Stream& stream);
 
+// After the solution for E: the Schur complement and its elimination.
+void launch_border_factor(const linalg::GroupBorder& b, const Stream& stream);
+// After the solution for z: the border's unknowns, and what they take from z.
+void launch_border_solve(const linalg::GroupBorder& b, int size, double* z, double* y, int m,
+                         const Stream& stream);
+
 // Loads all kernels of the above.
 void load_linalg_kernels();
 
 // Most shared memory that one of them needs for blocks of this size.
 std::size_t linalg_shared_memory(int size);
-// The same with W in shared memory while solving.
+// Most that the launches of a border need.
+std::size_t border_shared_memory(int border);
+// The same for blocks with W in shared memory while solving.
 std::size_t linalg_shared_memory_with_w(int size);
 
 }  // namespace trajopt::cuda
