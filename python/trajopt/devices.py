@@ -37,7 +37,7 @@ def choose_device(device: str) -> Device:
     'cpu'
     """
     if device not in ("cpu", "cuda", "auto"):
-        raise ArgumentError(f"device is {device!r}, expected 'cpu', 'cuda' or 'auto'")
+        raise ArgumentError(f"device = {device!r}, expected 'cpu', 'cuda' or 'auto'")
     if device == "cpu":
         return "cpu"
     reason = _core.cuda_unavailable()

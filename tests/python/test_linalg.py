@@ -216,7 +216,7 @@ def test_bad_arguments():
         matrix.factor(regularization=np.nan)
     with pytest.raises(trajopt.ArgumentError, match="threads"):
         matrix.factor(threads=0)
-    with pytest.raises(trajopt.ArgumentError, match="device is 'gpu'"):
+    with pytest.raises(trajopt.ArgumentError, match="device = 'gpu'"):
         matrix.factor(device="gpu")
     with pytest.raises(trajopt.ArgumentError, match="rhs has shape"):
         factors.solve(np.zeros((2, 3)))

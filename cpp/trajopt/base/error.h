@@ -1,8 +1,10 @@
 // The exceptions of the core. Bindings map each to the Python class of the same name.
 #pragma once
 
+#include <new>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace trajopt {
 
@@ -22,6 +24,16 @@ struct FactorizationError : std::runtime_error {
       : std::runtime_error(what), block(block_), pivot(pivot_) {}
   long block;
   int pivot;
+};
+
+// More memory was asked for than there is.
+class MemoryError : public std::bad_alloc {
+ public:
+  explicit MemoryError(std::string what) : what_(std::move(what)) {}
+  const char* what() const noexcept override { return what_.c_str(); }
+
+ private:
+  std::string what_;
 };
 
 }  // namespace trajopt
