@@ -120,7 +120,7 @@ def test_mistakes_in_a_scenario(
         (("solve", "hop", "--threads", "0"), "threads must be a whole number >= 1, not 0"),
         (("solve", "hop", "--max-iterations", "0"), "max_iterations must be a whole number >= 1"),
         (("solve", "hop", "--method", "magic"), "method = 'magic'"),
-        (("solve", "hop", "--device", "tpu"), "device is 'tpu'"),
+        (("solve", "hop", "--device", "tpu"), "device = 'tpu'"),
         (("solve", "hop", "--set", "grid.dt=-1"), "dt must be a number > 0"),
         (("solve", "hop", "--resume", "nowhere.npz"), "nowhere.npz: no such file"),
         (("check", "nowhere.urdf"), "nowhere.urdf"),
