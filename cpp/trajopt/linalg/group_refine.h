@@ -109,7 +109,7 @@ struct DecideWork {
         active[lane] = goes_on(state);
       } else if (active[lane]) {
         const double residual = measured / state.scale;
-        state.undo = !(residual < state.residual);
+        state.undo = !(residual < 2.0 * state.residual);
         if (state.undo) {
           active[lane] = 0;
           return;

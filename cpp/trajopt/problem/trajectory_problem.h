@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "trajopt/base/buffer.h"
+#include "trajopt/base/large_vector.h"
 #include "trajopt/force/physics.h"
 #include "trajopt/model/model.h"
 #include "trajopt/problem/local_terms.h"
@@ -49,7 +50,7 @@ struct Evaluation {
 
 // Per-frame derivative data (see FrameOutput), and the gradient by node.
 struct Linearization {
-  std::vector<double> hessian, gradient, jacobian;  // N x 6 x D x D, N x 3 x D, N x 3 x m x D
+  LargeVector<double> hessian, gradient, jacobian;  // N x 6 x D x D, N x 3 x D, N x 3 x m x D
   std::vector<double> node_gradient;                // nodes x primal
 };
 

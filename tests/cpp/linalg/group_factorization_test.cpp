@@ -155,7 +155,7 @@ void compare(int blocks, int size, int batch, Ordering ordering, int chunks, Ran
     expected.solve(x.data(), m);
     actual.solve(y, m);
     expect_same_bits(y, x, "solve");
-    for (double tolerance : {1e-15, 1e-6}) {
+    for (double tolerance : {0.0, 1e-15, 1e-6}) {
       for (int steps : {0, 1, 20}) {
         Values better = x, other = x;
         const Refinement e = expected.refine(a, rhs.data(), better.data(), m, steps, tolerance);
