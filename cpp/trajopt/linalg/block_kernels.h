@@ -21,15 +21,17 @@ struct BasicCoupling {
   T* u = nullptr;
 };
 
-// Memory traffic of a system that does not fit into the caches, spread over the arithmetic of one
-// elimination: row by row, the last one first, blocks of the matrix that will be needed next are
-// fetched and finished ones are written around the caches.
+// Memory traffic spread over the arithmetic of one elimination: row by row, the last one first,
+// blocks of the matrix that will be needed next are fetched, and either the lines of their factors
+// are claimed for writing or finished factors are written around the caches.
 template <class T>
 struct BasicTraffic {
   int size = 0;
   int fetch_rows = 0;                   // still to be fetched
   const double* fetch_lower = nullptr;  // a lower triangle, leading dimension `size`
   const double* fetch_whole = nullptr;  // a block; nullptr: none
+  T* claim = nullptr;                   // where results will be written through the caches,
+  long claim_length = 0;                // in one piece; 0: nothing
   int write_rows = 0;                   // still to be written
   long ld = 0;                          // of w and v
   const T* w = nullptr;                 // to be packed

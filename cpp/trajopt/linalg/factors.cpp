@@ -11,11 +11,14 @@ namespace trajopt::linalg {
 
 namespace {
 
-// Matrix and factors of this size leave no room for each other in a core's share of the caches.
+// Matrix and factors together: beyond the first size a core's own caches keep little of them from
+// one factorization to the next, beyond the second no cache does.
+constexpr std::size_t kFetchedBytes = std::size_t{512} << 10;
+constexpr std::size_t kLargeBytes = std::size_t{32} << 20;
+
 template <class T>
-bool is_large(int blocks, int size) {
-  constexpr std::size_t kLargeBytes = std::size_t{16} << 20;
-  return size_product({blocks, size, size, 2 * (sizeof(double) + sizeof(T))}) > kLargeBytes;
+std::size_t bytes(int blocks, int size) {
+  return size_product({blocks, size, size, 2 * (sizeof(double) + sizeof(T))});
 }
 
 bool lower_block_wins(const PivotFailure& a, const PivotFailure& b) {
@@ -32,8 +35,9 @@ Factors<T>::Factors(int blocks, int size, int batch, const Schedule& schedule, I
       batch_(batch),
       ld_(padded<T>(size)),
       block_(ld_ * size),
-      large_(storage == Storage::automatic ? is_large<T>(blocks, size)
+      large_(storage == Storage::automatic ? bytes<T>(blocks, size) > kLargeBytes
                                            : storage == Storage::streamed),
+      fetched_(large_ || bytes<T>(blocks, size) > kFetchedBytes),
       v_ld_(large_ ? lines(size) : ld_),
       coupling_(v_ld_ * size),
       schedule_(schedule),
@@ -149,7 +153,7 @@ PivotFailure Factors<T>::run(const SymmetricBlockTridiagonal& a, int item, const
       e.right.u = scratch(worker, kRightU, set);
       read_right(a, item, step, e);
     }
-    if (large_) {
+    if (fetched_) {
       e.traffic = &traffic;
       if (s + 1 < run.end) fetch(a, item, schedule_.steps[s + 1], traffic);
     }
@@ -202,6 +206,10 @@ template <class T>
 void Factors<T>::fetch(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                        BasicTraffic<T>& traffic) const {
   traffic.fetch_rows = size_;
+  if (!large_) {
+    traffic.claim = inverse(item, step.block);
+    traffic.claim_length = w(item, step.block) + PackedTriangle<T>::length(size_) - traffic.claim;
+  }
   traffic.fetch_lower = a.diagonal(step.block, item);
   traffic.fetch_whole = nullptr;
   if (step.left_original) traffic.fetch_whole = a.lower(step.block - 1, item);

@@ -94,6 +94,7 @@ class Factors {
   int blocks_, size_, batch_;
   long ld_, block_;               // leading dimension and length of a block that is worked on
   bool large_;                    // too large for the caches
+  bool fetched_;                  // large enough to be asked for ahead of its use
   long v_ld_ = 0, coupling_ = 0;  // leading dimension and length of a finished coupling
   const Schedule& schedule_;
   const BasicBlockKernels<T>* kernels_;

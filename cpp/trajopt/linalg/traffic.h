@@ -17,9 +17,14 @@ template <class T>
 TRAJOPT_ALWAYS_INLINE void fetch_row(const BasicTraffic<T>& t, int r) {
   const double* lower = t.fetch_lower + static_cast<long>(r) * t.size;
   for (int c = 0; c <= r; c += kLine<double>) prefetch(lower + c);
-  if (!t.fetch_whole) return;
-  const double* whole = t.fetch_whole + static_cast<long>(r) * t.size;
-  for (int c = 0; c < t.size; c += kLine<double>) prefetch(whole + c);
+  if (t.fetch_whole) {
+    const double* whole = t.fetch_whole + static_cast<long>(r) * t.size;
+    for (int c = 0; c < t.size; c += kLine<double>) prefetch(whole + c);
+  }
+  const long end = t.claim_length * (r + 1L) / t.size;
+  for (long i = t.claim_length * r / t.size; i < end; i += kLine<T>) {
+    __builtin_prefetch(t.claim + i, 1, 3);
+  }
 }
 
 template <class T>
