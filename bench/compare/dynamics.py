@@ -1,11 +1,11 @@
 """Frame dynamics and a whole iteration against pinocchio and Crocoddyl, interleaved, on one core.
 
     pip install pin crocoddyl
-    python bench/compare/dynamics.py [--rounds 9] [--out FILE] [--scaling]
+    OMP_NUM_THREADS=1 python bench/compare/dynamics.py [--rounds 9] [--out FILE] [--scaling]
 
-Ours: residual FD and its three Jacobians by the frames i, i-1, i-2 (`Model.dynamics_jacobians`; the
-core's batch call, all frames of a motion at once). Theirs: `computeRNEADerivatives`, which gives the
-force and its derivatives by position, velocity and acceleration: as many numbers, without contact
+Ours: residual FD and its three Jacobians by frames i, i-1, i-2 (`Model.dynamics_jacobians`; the
+core's batch call, all frames of a motion at once). Theirs: `computeRNEADerivatives`, which gives
+the force and its derivatives by position, velocity and acceleration: as many numbers, without contact
 and self collision. The peer's trees are made from the same arrays, a free flyer in place of three
 slides and a ball, revolute joints about coordinate axes where an axis is one; its figure is a C++
 call made from Python, less the time of a call on a tree of one joint.
@@ -20,27 +20,23 @@ Every round measures each row of both sides once; a row's figure is its best rou
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
-
 import crocoddyl
 import numpy as np
 import pinocchio as pin
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-from _machine import RESULTS, describe, environment, write
 
 import trajopt
 from trajopt import _core
 from trajopt.model import BALL, HINGE
 from trajopt.transcription import Stage, Transcription
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+from _machine import RESULTS, describe, environment, write
 
 FRAMES = 512  # of one batch call
 CALLS = 2000  # of the peer
@@ -230,7 +226,8 @@ def add_iteration(best: Best) -> None:
 
     alive += [costs, step, node, shooting, solver]
 
-    def theirs(alive: list[Any] = alive) -> float:
+    def theirs() -> float:
+        assert alive
         begin = time.perf_counter()
         solver.computeDirection(True)
         solver.tryStep(1.0)
