@@ -5,10 +5,10 @@
 
 Ours: residual FD and its three Jacobians by frames i, i-1, i-2 (`Model.dynamics_jacobians`; the
 core's batch call, all frames of a motion at once). Theirs: `computeRNEADerivatives`, which gives
-the force and its derivatives by position, velocity and acceleration: as many numbers, without contact
-and self collision. The peer's trees are made from the same arrays, a free flyer in place of three
-slides and a ball, revolute joints about coordinate axes where an axis is one; its figure is a C++
-call made from Python, less the time of a call on a tree of one joint.
+the force and its derivatives by position, velocity and acceleration: as many numbers, without
+contact and self collision. The peer's trees are made from the same arrays, a free flyer in place of
+three slides and a ball, revolute joints about coordinate axes where an axis is one; its figure is a
+C++ call made from Python, less the time of a call on a tree of one joint.
 
 Iteration: one of `trajopt.solve` on mammal-walk (400 frames, contacts found) beside one of
 Crocoddyl's FDDP (derivatives, backward pass, one rollout) on the same tree with 400 nodes in free
