@@ -43,7 +43,7 @@ class Factorization {
   void solve_item(int item, double* rhs, int m, int threads = 1) const;
 
   // Improves x, the solution found with a regularized factorization, towards A x = rhs. Stops when
-  // the residual is below `tolerance`, no longer halves (a step that made it worse is taken back),
+  // the residual is below `tolerance`, no longer halves (a step that doubled it is taken back),
   // or after max_steps.
   Refinement refine(const SymmetricBlockTridiagonal& a, const double* rhs, double* x, int m,
                     int max_steps, double tolerance, int threads = 1);
