@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trajopt.collocation._casadi import casadi
 from trajopt.collocation.guess import Guess
 from trajopt.collocation.interpolant import Interpolant
-from trajopt.collocation.phase import Phase
+from trajopt.collocation.phase import Phase, evaluate
 from trajopt.collocation.staged import Names, StagedNLP
 from trajopt.collocation.transcriptions import Transcription
 from trajopt.errors import ArgumentError
@@ -103,16 +103,12 @@ class Assembly:
         for index, part in enumerate(self.parts):
             phase = part.phase
             where: dict[str, Any] = {}
-            for name, (low, high), value in (
-                ("t0", phase.t0, part.guess.t0),
-                ("tf", phase.tf, part.guess.tf),
-            ):
-                if low < high:
-                    where[name] = len(names)
-                    lower.append(low)
-                    upper.append(high)
-                    guess.append(value)
-                    names.append(part.prefix + name)
+            for name, (low, high), value in _free_times(part):
+                where[name] = len(names)
+                lower.append(low)
+                upper.append(high)
+                guess.append(value)
+                names.append(part.prefix + name)
             where["p"] = slice(len(names), len(names) + phase.np)
             lower.extend(phase.p[0])
             upper.extend(phase.p[1])
@@ -150,10 +146,10 @@ class Assembly:
     def _times(self, index: int, p: Any) -> tuple[Any, Any]:
         """Return start and end of a phase; `p` holds symbols or numbers."""
         where, phase = self._globals[index], self.parts[index].phase
-        return tuple(
-            p[where[name]] if name in where else fixed
-            for name, fixed in (("t0", phase.t0[0]), ("tf", phase.tf[0]))
-        )  # type: ignore[return-value]
+        t0 = p[where["t0"]] if "t0" in where else phase.t0[0]
+        if "duration" in where:
+            return t0, t0 + p[where["duration"]]
+        return t0, p[where["tf"]] if "tf" in where else phase.tf[0]
 
     # -- the program -----------------------------------------------------------------------------
 
@@ -169,7 +165,7 @@ class Assembly:
             entries += part_rows
         names, rows, lower, upper, scales = zip(*entries, strict=True)
         last_cost, last, last_names, last_bounds = self._last(w, p)
-        glob, glob_names = self._durations(p)
+        glob, glob_names, glob_lower, glob_upper = self._ends_of_time(p)
         c = casadi.vertcat(*rows)
         cost, c = casadi.cse([casadi.SX(cost), c])
         low, high = self._bounds()
@@ -189,8 +185,8 @@ class Assembly:
             c_upper=np.array(upper, dtype=float).T,
             last_lower=last_bounds[0],
             last_upper=last_bounds[1],
-            glob_lower=np.zeros(len(glob_names)),
-            glob_upper=np.full(len(glob_names), np.inf),
+            glob_lower=glob_lower,
+            glob_upper=glob_upper,
             w_scale=self._scales(),
             p_scale=np.ones(len(self._p_guess)),
             c_scale=np.array(scales),
@@ -212,7 +208,7 @@ class Assembly:
         if method.shared_end:
             u[1.0] = w_next[self._columns[index]["u", 0.0]]
         begin, duration = s[2 * index], s[2 * index + 1]
-        if "t0" in where or "tf" in where:
+        if {"t0", "tf"} & where.keys():
             t0, tf = self._times(index, p)
             begin, duration = t0 + begin * (tf - t0), duration * (tf - t0)
         parameters = p[where["p"]]
@@ -297,15 +293,17 @@ class Assembly:
         bounds = np.array(lower, dtype=float), np.array(upper, dtype=float)
         return cost, casadi.vertcat(casadi.SX(0, 1), *rows), names, bounds
 
-    def _durations(self, p: Any) -> tuple[Any, list[str]]:
-        """Return tf - t0 >= 0 of the phases whose bounds alone do not say it."""
-        rows, names = [], []
+    def _ends_of_time(self, p: Any) -> tuple[Any, list[str], FloatArray, FloatArray]:
+        """Return the rows tf of phases whose unknowns are start and duration."""
+        rows, names, lower, upper = [], [], [], []
         for index, part in enumerate(self.parts):
-            if part.phase.t0[1] > part.phase.tf[0]:
-                t0, tf = self._times(index, p)
-                rows.append(tf - t0)
-                names.append(f"{part.prefix}duration")
-        return casadi.vertcat(casadi.SX(0, 1), *rows), names
+            if "duration" in self._globals[index] and np.isfinite(part.phase.tf).any():
+                rows.append(self._times(index, p)[1])
+                names.append(f"{part.prefix}tf")
+                lower.append(part.phase.tf[0])
+                upper.append(part.phase.tf[1])
+        bounds = np.array(lower, dtype=float), np.array(upper, dtype=float)
+        return casadi.vertcat(casadi.SX(0, 1), *rows), names, *bounds
 
     # -- numbers ---------------------------------------------------------------------------------
 
@@ -434,20 +432,29 @@ class Assembly:
         )
 
 
-def evaluate(
-    function: Any, t: FloatArray, x: FloatArray, u: FloatArray, p: FloatArray
-) -> FloatArray:
-    """Return a traced function of (t, x, u, p) at m points: (m, rows)."""
-    count = len(t)
-    mapped = function.map(count)
-    values = mapped(t[None, :], x.T, u.T, np.tile(p[:, None], (1, count)))
-    return np.asarray(values.full().T, dtype=np.float64)
+def _free_times(part: Part) -> list[tuple[str, tuple[float, float], float]]:
+    """Return name, bounds and guess of the unknown times of a phase.
+
+    With both ends free the unknowns are start and duration: a bound of an unknown is never left,
+    so time cannot run backward on the way, as it could with a constraint tf >= t0.
+    """
+    (low, high), (first, last), guess = part.phase.t0, part.phase.tf, part.guess
+    if low < high and first < last:
+        duration = max(first - high, 0.0), last - low
+        return [("t0", (low, high), guess.t0), ("duration", duration, guess.tf - guess.t0)]
+    if low < high:
+        return [("t0", (low, min(high, first)), guess.t0)]
+    if first < last:
+        return [("tf", (max(first, low), last), guess.tf)]
+    return []
 
 
 def _interleave(parts: list[FloatArray]) -> FloatArray:
     """Return entries of the first segment's pieces, then the second's, and so on."""
     stacked = np.stack(parts, axis=1)
-    return np.asarray(stacked.reshape(-1, *stacked.shape[2:]), dtype=np.float64)
+    return np.asarray(
+        stacked.reshape(len(parts) * len(parts[0]), *stacked.shape[2:]), dtype=np.float64
+    )
 
 
 def _powers(bounds: tuple[FloatArray, FloatArray], values: FloatArray) -> FloatArray:

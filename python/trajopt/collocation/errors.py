@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation.assembly import evaluate
 from trajopt.collocation.interpolant import Interpolant
-from trajopt.collocation.phase import Phase
+from trajopt.collocation.phase import Phase, evaluate
 
 __all__ = ["dynamics_error", "path_integral", "segment_errors"]
 

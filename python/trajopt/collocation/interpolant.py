@@ -50,7 +50,9 @@ class Interpolant:
         """Return the piece of every time, and the place in it in [-1, 1]."""
         piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.start) - 1)
         begin, end = self.edges[piece], self.edges[piece + 1]
-        return piece, 2.0 * (t - begin) / (end - begin) - 1.0
+        # A solver may fail with a duration of zero; the one state there is still to be seen.
+        length = np.where(end > begin, end - begin, 1.0)
+        return piece, 2.0 * (t - begin) / length - 1.0
 
     def state(self, t: FloatArray) -> FloatArray:
         """Return the states (m, nx) at times t (m,)."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trajopt.collocation.bounds import Pair
 
-__all__ = ["Phase"]
+__all__ = ["Phase", "evaluate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -64,3 +64,13 @@ class Phase:
         from trajopt.collocation.guess import _middle
 
         return _middle(*self.p)
+
+
+def evaluate(
+    function: Any, t: FloatArray, x: FloatArray, u: FloatArray, p: FloatArray
+) -> FloatArray:
+    """Return a traced function of (t, x, u, p) at m points: (m, rows)."""
+    count = len(t)
+    mapped = function.map(count)
+    values = mapped(t[None, :], x.T, u.T, np.tile(p[:, None], (1, count)))
+    return np.asarray(values.full().T, dtype=np.float64)

@@ -16,8 +16,9 @@ from trajopt.collocation.errors import segment_errors
 from trajopt.collocation.guess import make_guess
 from trajopt.collocation.ipopt import solve_ipopt
 from trajopt.collocation.problem import Problem
+from trajopt.collocation.refinement import is_schedule, refine_automatically, run_schedule
 from trajopt.collocation.solution import Pass, Solution
-from trajopt.collocation.transcriptions import make_transcription
+from trajopt.collocation.transcriptions import DEGREE, make_transcription
 from trajopt.errors import ArgumentError, ArgumentTypeError
 
 __all__ = ["SOLVERS", "solve", "solve_once"]
@@ -69,7 +70,7 @@ def solve_once(
     assembly = Assembly([Part(problem.phase, mesh, start)], transcription, scaled=scaled)
     result = run_solver(solver)(assembly.nlp, warm_start=warm_start, **settings)
     (solution,) = solutions(assembly, result, [problem], method, solver)
-    degree = degree or (0 if method not in ("chebyshev", "legendre") else 4)
+    degree = degree or (DEGREE if method in ("chebyshev", "legendre") else 0)
     solution.passes = [
         Pass(
             method,
@@ -145,6 +146,8 @@ def solve(
     max_iterations: int = 3000,
     scaling: str = "none",
     options: Mapping[str, Any] | None = None,
+    refine: Any = None,
+    max_refinements: int = 8,
 ) -> Solution:
     """Transcribe a problem, solve it, and return the trajectory.
 
@@ -173,6 +176,14 @@ def solve(
         ``none``, or ``auto``: states and controls are divided by powers of two near their bounds.
     options : dict, optional
         More options of the solver, by its own names.
+    refine : float or list, optional
+        A number refines the mesh until the error of every segment and state, relative to
+        1 + max |x|, is below it: segments are cut into two to four, or the degree of orthogonal
+        methods is raised where the error is even. A list is a schedule of meshes in place of
+        `segments`, coarse to fine, each a number of segments, knots, or a dict with ``segments``,
+        ``method``, ``degree``, ``points``, ``substeps``, ``tolerance``. Every solution is the
+        guess of the next; `Solution.passes` reports on all of them.
+    max_refinements : int
 
     Returns
     -------
@@ -186,17 +197,27 @@ def solve(
     """
     if not isinstance(problem, Problem):
         raise ArgumentTypeError(f"solve: problem must be a Problem, not {type(problem).__name__}")
-    return solve_once(
-        problem,
-        make_mesh(segments),
-        guess=guess,
-        method=method,
-        degree=degree,
-        points=points,
-        substeps=substeps,
-        solver=solver,
-        scaling=scaling,
-        tolerance=positive("solve", "tolerance", tolerance),
-        max_iterations=whole("solve", "max_iterations", max_iterations, 0),
-        options=options,
-    )
+    base: dict[str, Any] = {
+        "method": method,
+        "degree": degree,
+        "points": points,
+        "substeps": substeps,
+        "tolerance": positive("solve", "tolerance", tolerance),
+    }
+    fixed: dict[str, Any] = {
+        "solver": solver,
+        "scaling": scaling,
+        "max_iterations": whole("solve", "max_iterations", max_iterations, 0),
+        "options": options,
+    }
+
+    def once(mesh: Any, changes: Mapping[str, Any], earlier: Any) -> Solution:
+        start = guess if earlier is None else earlier
+        return solve_once(problem, make_mesh(mesh), guess=start, **{**base, **changes}, **fixed)
+
+    if refine is None:
+        return once(segments, {}, None)
+    if is_schedule(refine):
+        return run_schedule(once, refine)
+    most = whole("solve", "max_refinements", max_refinements, 0)
+    return refine_automatically(once, segments, base, positive("solve", "refine", refine), most)
