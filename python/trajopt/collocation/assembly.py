@@ -158,10 +158,12 @@ class Assembly:
         w, w_next = casadi.SX.sym("w", self._width), casadi.SX.sym("w_next", self._width)
         p, s = casadi.SX.sym("p", len(self._p_guess)), casadi.SX.sym("s", 2 * len(self.parts))
         cost: Any = 0.0
+        self._costs: list[Any] = []
         entries: list[tuple[str, Any, FloatArray, FloatArray, float]] = []
         for index in range(len(self.parts)):
             part_cost, part_rows = self._stage(index, w, w_next, p, s)
             cost = cost + part_cost
+            self._costs.append(casadi.Function("cost", [w, w_next, p, s], [part_cost]))
             entries += part_rows
         names, rows, lower, upper, scales = zip(*entries, strict=True)
         last_cost, last, last_names, last_bounds = self._last(w, p)
@@ -400,6 +402,16 @@ class Assembly:
     def states(self, index: int, w: FloatArray) -> FloatArray:
         """Return the states of a phase at its knots (n, nx)."""
         return np.array(w[:, self._columns[index]["x", 0.0]])
+
+    def objective(self, index: int, w: FloatArray, p: FloatArray) -> float:
+        """Return what a phase contributes to the objective."""
+        stages = self.segments
+        columns = np.tile(p[:, None], (1, stages)), self.nlp.s[:-1].T
+        integral = self._costs[index].map(stages)(w[:-1].T, w[1:].T, *columns)
+        t0, tf = self._times(index, p)
+        x = self.states(index, w)
+        mayer = self.parts[index].phase.terminal(t0, tf, x[0], x[-1], self.parameters(index, p))
+        return float(casadi.sum2(integral)) + float(mayer)
 
     def interpolant(self, index: int, w: FloatArray, p: FloatArray) -> Interpolant:
         """Return the trajectory of a phase between its knots."""

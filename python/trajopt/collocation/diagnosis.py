@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,7 +52,11 @@ class Violation:
 
 
 def find_violations(
-    nlp: StagedNLP, w: FloatArray, p: FloatArray, times: FloatArray, above: float = NOTICED
+    nlp: StagedNLP,
+    w: FloatArray,
+    p: FloatArray,
+    times: Mapping[str, FloatArray],
+    above: float = NOTICED,
 ) -> list[Violation]:
     """Return all violated constraints and bounds, worst first.
 
@@ -61,30 +65,36 @@ def find_violations(
     nlp : StagedNLP
     w, p : arrays
         Where to look.
-    times : (n,) array
-        Times of the nodes [s].
+    times : dict of str to (n,) array
+        Times of the nodes [s], by the prefix of names that belong to a phase.
     above : float
         Violations up to this are left out.
     """
     values, names = nlp.evaluate(w, p), nlp.names
-    end, nowhere = times[-1:], np.array([np.nan])
+    last, glob = values.last[None], values.glob[None]
     found: list[Violation] = []
-    for labels, when, value, lower, upper in (
-        (names.stage, times[:-1], values.stage, nlp.c_lower, nlp.c_upper),
-        (names.last, end, values.last[None], nlp.last_lower[None], nlp.last_upper[None]),
-        (names.glob, nowhere, values.glob[None], nlp.glob_lower[None], nlp.glob_upper[None]),
-        (names.w, times, w, nlp.w_lower, nlp.w_upper),
-        (names.p, nowhere, p[None], nlp.p_lower[None], nlp.p_upper[None]),
+    for labels, first, value, lower, upper in (
+        (names.stage, 0, values.stage, nlp.c_lower, nlp.c_upper),
+        (names.last, nlp.n - 1, last, nlp.last_lower[None], nlp.last_upper[None]),
+        (names.glob, None, glob, nlp.glob_lower[None], nlp.glob_upper[None]),
+        (names.w, 0, w, nlp.w_lower, nlp.w_upper),
+        (names.p, None, p[None], nlp.p_lower[None], nlp.p_upper[None]),
     ):
         amount = np.maximum(lower - value, value - upper)
         # NaN is a violation too.
         for k, i in np.argwhere(~(amount <= above)):
+            own = [t for prefix, t in times.items() if labels[i].startswith(prefix)]
+            when = float(own[0][first + k]) if own and first is not None else float("nan")
             found.append(
                 Violation(
-                    labels[i], float(when[k]), float(value[k, i]), float(lower[k, i]),
-                    float(upper[k, i]), float(amount[k, i]),
+                    name=labels[i],
+                    time=when,
+                    value=float(value[k, i]),
+                    lower=float(lower[k, i]),
+                    upper=float(upper[k, i]),
+                    amount=float(amount[k, i]),
                 )
-            )  # fmt: skip
+            )
     return sorted(found, key=lambda v: -np.inf if np.isnan(v.amount) else -v.amount)
 
 

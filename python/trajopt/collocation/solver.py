@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from trajopt.collocation.diagnosis import explain, find_violations, limits_reach
 from trajopt.collocation.errors import segment_errors
 from trajopt.collocation.guess import make_guess
 from trajopt.collocation.ipopt import solve_ipopt
+from trajopt.collocation.phases import MultiPhase, MultiPhaseSolution
 from trajopt.collocation.problem import Problem
 from trajopt.collocation.refinement import is_schedule, refine_automatically, run_schedule
 from trajopt.collocation.solution import Pass, Solution
@@ -69,7 +70,7 @@ def solve_once(
     scaled = choice("solve", "scaling", scaling, ("none", "auto")) == "auto"
     assembly = Assembly([Part(problem.phase, mesh, start)], transcription, scaled=scaled)
     result = run_solver(solver)(assembly.nlp, warm_start=warm_start, **settings)
-    (solution,) = solutions(assembly, result, [problem], method, solver)
+    (solution,) = _solutions(assembly, result, [problem], method, solver)
     degree = degree or (DEGREE if method in ("chebyshev", "legendre") else 0)
     solution.passes = [
         Pass(
@@ -86,7 +87,7 @@ def solve_once(
     return solution
 
 
-def solutions(
+def _solutions(
     assembly: Assembly,
     result: dict[str, Any],
     problems: Sequence[Problem],
@@ -97,7 +98,8 @@ def solutions(
     w, p = result["w"], result["p"]
     message, violations = result["message"], []
     if not result["status"].converged:
-        violations = find_violations(assembly.nlp, w, p, assembly.times(0, p))
+        times = {part.prefix: assembly.times(k, p) for k, part in enumerate(assembly.parts)}
+        violations = find_violations(assembly.nlp, w, p, times)
         reason = explain(violations, limits_reached(assembly.nlp, w))
         message = f"{message}; {reason}" if reason else message
     found = []
@@ -109,7 +111,7 @@ def solutions(
             Solution(
                 status=result["status"],
                 message=message,
-                objective=result["objective"],
+                objective=assembly.objective(index, w, p),
                 t=t,
                 x=assembly.states(index, w),
                 u=interpolant.control(t),
@@ -132,8 +134,56 @@ def solutions(
     return found
 
 
+def solve_phases(
+    problem: MultiPhase,
+    mesh: FloatArray,
+    guess: Any,
+    method: str,
+    solver: str,
+    options_of: Mapping[str, Any],
+    **settings: Any,
+) -> MultiPhaseSolution:
+    """Solve all phases at once, each on the same shares of its own time."""
+    transcription = make_transcription(method, **options_of)
+    if isinstance(guess, MultiPhaseSolution):
+        guess = guess.phases
+    count = len(problem.phases)
+    guesses = [None] * count if guess is None else list(guess)
+    if len(guesses) != count:
+        raise ArgumentError(f"solve: guess has {len(guesses)} entries, expected one per phase")
+    scaled = choice("solve", "scaling", settings.pop("scaling"), ("none", "auto")) == "auto"
+    parts = [
+        Part(
+            phase.phase,
+            mesh,
+            phase.start if own is None else make_guess("solve", phase.phase, own),
+            f"phase {k}: ",
+        )
+        for k, (phase, own) in enumerate(zip(problem.phases, guesses, strict=True))
+    ]
+    assembly = Assembly(parts, transcription, problem.traced, scaled)
+    result = run_solver(solver)(assembly.nlp, **settings)
+    found = _solutions(assembly, result, list(problem.phases), method, solver)
+    return MultiPhaseSolution(
+        found,
+        result["objective"],
+        result["status"],
+        found[0].message,
+        result["iterations"],
+        result["seconds"],
+    )
+
+
+@overload
+def solve(problem: Problem, *arguments: Any, **settings: Any) -> Solution: ...
+
+
+@overload
+def solve(problem: MultiPhase, *arguments: Any, **settings: Any) -> MultiPhaseSolution: ...
+
+
 def solve(
-    problem: Problem,
+    problem: Problem | MultiPhase,
     method: str = "hermite_simpson",
     segments: Any = 25,
     solver: str = "ipopt",
@@ -148,12 +198,12 @@ def solve(
     options: Mapping[str, Any] | None = None,
     refine: Any = None,
     max_refinements: int = 8,
-) -> Solution:
+) -> Solution | MultiPhaseSolution:
     """Transcribe a problem, solve it, and return the trajectory.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or MultiPhase
     method : str
         ``trapezoidal``, ``hermite_simpson`` (separated), ``hermite_simpson_compressed``,
         ``multiple_shooting`` (RK4), ``chebyshev`` (Lobatto points) or ``legendre``.
@@ -168,7 +218,8 @@ def solve(
     substeps : int, optional
         Runge–Kutta steps per segment of ``multiple_shooting``.
     guess : dict, callable, Solution, optional
-        In place of the problem's.
+        In place of the problem's; for several phases a list with one entry per phase, or an
+        earlier solution.
     tolerance : float
         Of the solver.
     max_iterations : int
@@ -187,7 +238,7 @@ def solve(
 
     Returns
     -------
-    Solution
+    Solution or MultiPhaseSolution
         Also where the solver did not converge: `Solution.status` and `Solution.message` say why.
 
     Raises
@@ -195,8 +246,10 @@ def solve(
     ArgumentError, ArgumentTypeError
         For arguments that cannot be used, before the solver starts.
     """
-    if not isinstance(problem, Problem):
-        raise ArgumentTypeError(f"solve: problem must be a Problem, not {type(problem).__name__}")
+    if not isinstance(problem, (Problem, MultiPhase)):
+        raise ArgumentTypeError(
+            f"solve: problem must be a Problem or MultiPhase, not {type(problem).__name__}"
+        )
     base: dict[str, Any] = {
         "method": method,
         "degree": degree,
@@ -211,9 +264,16 @@ def solve(
         "options": options,
     }
 
+    if isinstance(problem, MultiPhase):
+        if refine is not None:
+            raise ArgumentError("solve: refine is for problems of one phase")
+        shape = {name: base.pop(name) for name in ("degree", "points", "substeps")}
+        return solve_phases(problem, make_mesh(segments), guess, options_of=shape, **base, **fixed)
+    single = problem
+
     def once(mesh: Any, changes: Mapping[str, Any], earlier: Any) -> Solution:
         start = guess if earlier is None else earlier
-        return solve_once(problem, make_mesh(mesh), guess=start, **{**base, **changes}, **fixed)
+        return solve_once(single, make_mesh(mesh), guess=start, **{**base, **changes}, **fixed)
 
     if refine is None:
         return once(segments, {}, None)
