@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.collocation.staged import StagedNLP
+from trajopt.errors import ArgumentError
 
-__all__ = ["Violation", "explain", "find_violations", "limits_reached"]
+__all__ = ["Violation", "check_start", "explain", "find_violations", "limits_reached"]
 
 FloatArray = NDArray[np.float64]
 
 # Violations below this are roundoff of a solver that has done its work.
 NOTICED = 1e-6
+LARGEST = float(np.finfo(np.float64).max)
 # A variable within this share of its range counts as being at its bound.
 TOUCHING = 1e-4
 
@@ -96,6 +98,21 @@ def find_violations(
                 )
             )
     return sorted(found, key=lambda v: -np.inf if np.isnan(v.amount) else -v.amount)
+
+
+def check_start(nlp: StagedNLP, times: Mapping[str, FloatArray]) -> None:
+    """Raise if cost or constraints are not finite at the guess, naming where."""
+    if not np.isfinite(nlp.evaluate(nlp.w_guess, nlp.p_guess).cost):
+        raise ArgumentError(
+            "solve: the objective is not finite for the guess; start where it is defined"
+        )
+    values = find_violations(nlp, nlp.w_guess, nlp.p_guess, times, above=LARGEST)
+    if values:
+        raise ArgumentError(
+            f"solve: {values[0].name} is {values[0].value:g} for the guess"
+            + ("" if np.isnan(values[0].time) else f" at t = {values[0].time:.4g} s")
+            + "; start where the functions are defined"
+        )
 
 
 def limits_reached(nlp: StagedNLP, w: FloatArray) -> list[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trajopt.checks import choice, finite_array, positive, whole
 from trajopt.collocation.assembly import Assembly, Part
-from trajopt.collocation.diagnosis import explain, find_violations, limits_reached
+from trajopt.collocation.diagnosis import check_start, explain, find_violations, limits_reached
 from trajopt.collocation.errors import segment_errors
 from trajopt.collocation.guess import make_guess
 from trajopt.collocation.ipopt import solve_ipopt
@@ -69,7 +69,9 @@ def solve_once(
     start = problem.start if guess is None else make_guess("solve", problem.phase, guess)
     scaled = choice("solve", "scaling", scaling, ("none", "auto")) == "auto"
     assembly = Assembly([Part(problem.phase, mesh, start)], transcription, scaled=scaled)
-    result = run_solver(solver)(assembly.nlp, warm_start=warm_start, **settings)
+    check_start(assembly.nlp, _phase_times(assembly, assembly.nlp.p_guess))
+    known = warm_start if warm_start and _fits(assembly, warm_start) else None
+    result = run_solver(solver)(assembly.nlp, warm_start=known, **settings)
     (solution,) = _solutions(assembly, result, [problem], method, solver)
     degree = degree or (DEGREE if method in ("chebyshev", "legendre") else 0)
     solution.passes = [
@@ -87,6 +89,21 @@ def solve_once(
     return solution
 
 
+def _fits(assembly: Assembly, result: Mapping[str, Any]) -> bool:
+    """Return whether an earlier result has the unknowns and constraints of this program."""
+    nlp, multipliers = assembly.nlp, result["multipliers"]
+    shapes = nlp.c_lower.shape, nlp.last_lower.shape, nlp.w_guess.shape, nlp.p_guess.shape
+    names = ("stage", "last", "bounds", "p_bounds")
+    return all(
+        np.shape(multipliers[name]) == shape for name, shape in zip(names, shapes, strict=True)
+    )
+
+
+def _phase_times(assembly: Assembly, p: FloatArray) -> dict[str, FloatArray]:
+    """Return the times of the knots of every phase, by the prefix of its names."""
+    return {part.prefix: assembly.times(k, p) for k, part in enumerate(assembly.parts)}
+
+
 def _solutions(
     assembly: Assembly,
     result: dict[str, Any],
@@ -98,8 +115,7 @@ def _solutions(
     w, p = result["w"], result["p"]
     message, violations = result["message"], []
     if not result["status"].converged:
-        times = {part.prefix: assembly.times(k, p) for k, part in enumerate(assembly.parts)}
-        violations = find_violations(assembly.nlp, w, p, times)
+        violations = find_violations(assembly.nlp, w, p, _phase_times(assembly, p))
         reason = explain(violations, limits_reached(assembly.nlp, w))
         message = f"{message}; {reason}" if reason else message
     found = []
@@ -162,6 +178,7 @@ def solve_phases(
         for k, (phase, own) in enumerate(zip(problem.phases, guesses, strict=True))
     ]
     assembly = Assembly(parts, transcription, problem.traced, scaled)
+    check_start(assembly.nlp, _phase_times(assembly, assembly.nlp.p_guess))
     result = run_solver(solver)(assembly.nlp, **settings)
     found = _solutions(assembly, result, list(problem.phases), method, solver)
     return MultiPhaseSolution(
@@ -192,6 +209,7 @@ def solve(
     points: str | None = None,
     substeps: int | None = None,
     guess: Any = None,
+    warm_start: Solution | None = None,
     tolerance: float = 1e-8,
     max_iterations: int = 3000,
     scaling: str = "none",
@@ -220,6 +238,9 @@ def solve(
     guess : dict, callable, Solution, optional
         In place of the problem's; for several phases a list with one entry per phase, or an
         earlier solution.
+    warm_start : Solution, optional
+        In place of a guess: start from an earlier solution and, if method and number of segments
+        are the same, from its multipliers too.
     tolerance : float
         Of the solver.
     max_iterations : int
@@ -264,6 +285,14 @@ def solve(
         "options": options,
     }
 
+    if warm_start is not None:
+        if guess is not None:
+            raise ArgumentError("solve: guess and warm_start are given, expected one")
+        if not isinstance(warm_start, Solution) or isinstance(problem, MultiPhase):
+            raise ArgumentTypeError(
+                "solve: warm_start must be a Solution of one phase, "
+                f"not {type(warm_start).__name__}"
+            )
     if isinstance(problem, MultiPhase):
         if refine is not None:
             raise ArgumentError("solve: refine is for problems of one phase")
@@ -273,7 +302,17 @@ def solve(
 
     def once(mesh: Any, changes: Mapping[str, Any], earlier: Any) -> Solution:
         start = guess if earlier is None else earlier
-        return solve_once(single, make_mesh(mesh), guess=start, **{**base, **changes}, **fixed)
+        known = None
+        if earlier is None and warm_start is not None:
+            start, known = warm_start, warm_start.result or None
+        return solve_once(
+            single,
+            make_mesh(mesh),
+            guess=start,
+            warm_start=known,
+            **{**base, **changes},
+            **fixed,
+        )
 
     if refine is None:
         return once(segments, {}, None)
