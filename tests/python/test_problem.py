@@ -186,3 +186,8 @@ def test_a_start_of_another_robot_with_as_many_coordinates_is_refused():
     first = next(a for a, b in zip(biped.dof_names, chain.dof_names, strict=True) if a != b)
     with pytest.raises(trajopt.ArgumentError, match=f"another robot.*{first!r}"):
         trajopt.solve(problem, warm_start=still)
+
+
+def test_axes_of_a_term_are_checked_under_the_name_of_its_class():
+    with pytest.raises(trajopt.ArgumentError, match=r"PointPosition: axes has shape \(2,\)"):
+        trajopt.objectives.PointPosition("trunk", (0, 0, 1), axes=(1, 1))
