@@ -45,6 +45,9 @@ class _Term:
 
     def __post_init__(self) -> None:
         non_negative(type(self).__name__, "weight", getattr(self, "weight", 1.0))
+        axes = getattr(self, "axes", None)
+        if axes is not None:
+            finite_array(type(self).__name__, "axes", axes, (3,))
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""

@@ -184,6 +184,11 @@ class Problem:
         from trajopt.objectives import _Term
 
         for term in terms:
+            if isinstance(term, (list, tuple)):
+                raise ArgumentTypeError(
+                    f"Problem.add: got a {type(term).__name__} of terms; unpack it with a star: "
+                    "problem.add(*regularizers())"
+                )
             if not isinstance(term, _Term):
                 raise ArgumentTypeError(
                     "Problem.add: expected a term of trajopt.objectives, got "

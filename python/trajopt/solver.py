@@ -348,6 +348,13 @@ def _resample(problem: Problem, solution: Solution) -> FloatArray:
             f"solve: warm_start moves {solution.model.ndof} degrees of freedom, "
             f"the problem has {problem.model.ndof}"
         )
+    pairs = zip(solution.model.dof_names, problem.model.dof_names, strict=True)
+    for number, (theirs, ours) in enumerate(pairs):
+        if theirs != ours:
+            raise ArgumentError(
+                f"solve: warm_start moves another robot: its degree of freedom {number} is "
+                f"{theirs!r}, the problem's is {ours!r}"
+            )
     if len(solution.times) == problem.frames and np.allclose(solution.times, problem.times):
         return np.array(solution.x)
     times, frames = solution.times, solution.x

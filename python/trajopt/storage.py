@@ -142,6 +142,8 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
     """Return all entries of the archive at `path` after checking that it is ours."""
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
+    if not zipfile.is_zipfile(path):
+        raise FileFormatError(f"{path}: not a trajopt result (.npz)")
     try:
         with np.load(path, allow_pickle=False) as archive:
             entries = {name: archive[name] for name in archive.files}

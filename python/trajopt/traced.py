@@ -62,6 +62,8 @@ class TracedResidual:
             with warnings.catch_warnings():  # CasADi announces its NumPy support to every user
                 warnings.simplefilter("ignore", FutureWarning)
                 result = function(*nodes)
+            if result is None:
+                raise ValueError("it returned None; end it with `return ...`")
             rows = casadi.vertcat(*result) if isinstance(result, (list, tuple)) else result
             rows = casadi.SX(rows)
         except Exception as error:

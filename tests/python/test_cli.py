@@ -123,6 +123,8 @@ def test_plot(capsys: pytest.CaptureFixture[str], saved: Path) -> None:
         (["check", "dragon"], "dragon"),
         (["check", "none.xml"], "none.xml"),
         (["plot", "none.npz"], "no such file"),
+        (["plot", __file__], "not a trajopt result (.npz)"),
+        (["solve", "hop", "--out", "x.txt"], "--out x.txt: a trajectory is a .npz file: x.npz"),
         (["fly"], "fly"),
         ([], "ommand"),
     ],
@@ -179,3 +181,19 @@ def test_help_names_all_commands(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "--help")
     assert code == 0
     assert all(command in out for command in ("solve", "scenarios", "check", "plot", "info"))
+
+
+def test_help_of_solve_names_the_methods_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "solve", "--help")[1]
+    assert "default or paper" in " ".join(out.split())
+
+
+def test_resume_without_a_scenario_names_the_file(
+    capsys: pytest.CaptureFixture[str], saved: Path
+) -> None:
+    solution = trajopt.Solution.load(saved)
+    solution.settings = {}
+    solution.save(saved)
+    code, _, err = run(capsys, "solve", "--resume", saved)
+    assert code == 2
+    assert f"{saved}: does not say" in err

@@ -167,3 +167,27 @@ def test_bad_stage(arguments):
     name = next(iter(arguments))
     with pytest.raises(trajopt.TrajoptError, match=f"Stage: {name} must be"):
         Stage(**arguments)
+
+
+def test_a_list_of_terms_is_told_to_be_unpacked():
+    problem = trajopt.Problem(trajopt.load_model("chain"), duration=1.0, dt=0.05)
+    with pytest.raises(trajopt.ArgumentTypeError, match=r"add\(\*regularizers"):
+        problem.add(trajopt.objectives.regularizers())
+
+
+def test_a_start_of_another_robot_with_as_many_coordinates_is_refused():
+    chain, biped = (trajopt.load_model(name) for name in ("chain", "biped"))
+    assert chain.ndof == biped.ndof
+    times = np.arange(1, 21) * 0.05
+    still = trajopt.Solution(
+        biped, trajopt.Status.SOLVED, "at rest", np.tile(biped.home, (20, 1)), times, 0.05
+    )
+    problem = trajopt.Problem(chain, duration=1.0, dt=0.05).add(ControlEffort())
+    first = next(a for a, b in zip(biped.dof_names, chain.dof_names, strict=True) if a != b)
+    with pytest.raises(trajopt.ArgumentError, match=f"another robot.*{first!r}"):
+        trajopt.solve(problem, warm_start=still)
+
+
+def test_axes_of_a_term_are_checked_under_the_name_of_its_class():
+    with pytest.raises(trajopt.ArgumentError, match=r"PointPosition: axes has shape \(2,\)"):
+        trajopt.objectives.PointPosition("trunk", (0, 0, 1), axes=(1, 1))

@@ -173,3 +173,13 @@ def test_values_are_typed_by_toml() -> None:
     texts = ["1", "1.0", "1e-3", "true", "'a b'", "[1, 2]", "{a = 1}", "ground-level"]
     expected = [1, 1.0, 1e-3, True, "a b", [1, 2], {"a": 1}, "ground-level"]
     assert [parse_value(text) for text in texts] == expected
+
+
+def test_one_override_needs_no_list() -> None:
+    assert load_scenario("hop").override("grid.dt=0.05").dt == 0.05
+
+
+def test_poor_guesses_list_all_types(tmp_path: Path) -> None:
+    text = SMALL.replace("center_of_mass_velocity", "com_velocity")
+    with pytest.raises(ScenarioError, match=r"choose from .*center_of_mass_velocity"):
+        load_scenario(written(tmp_path, text))

@@ -69,7 +69,7 @@ def test_foreign_files(tmp_path: Path) -> None:
     text, archive = tmp_path / "text.npz", tmp_path / "archive.npz"
     text.write_text("x,y\n1,2\n")
     np.savez(archive, x=np.zeros(3))
-    with pytest.raises(trajopt.FileFormatError, match=r"not a readable \.npz"):
+    with pytest.raises(trajopt.FileFormatError, match=r"not a trajopt result"):
         trajopt.Solution.load(text)
     with pytest.raises(trajopt.FileFormatError, match="not a trajectory of trajopt"):
         trajopt.Solution.load(archive)

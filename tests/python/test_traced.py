@@ -78,6 +78,7 @@ def test_a_solve_obeys_it():
         (lambda x2, x1, x: 1.0 if x[0] > 0 else 0.0, "could not be traced"),
         (lambda x2, x1: x1[0], "could not be traced"),
         (lambda x2, x1, x: x[99], "could not be traced"),
+        (lambda x2, x1, x: None, "it returned None; end it with `return ...`"),
         (lambda x2, x1, x: "far", "could not be traced"),
         (lambda x2, x1, x: x @ x.T, "returned shape (14, 14), expected a column"),
     ],

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from trajopt.errors import ArgumentError
+from trajopt.methods import METHODS
 from trajopt.records import continued
 from trajopt.scenarios import Scenario, ScenarioError, load_scenario
 from trajopt.scenarios.schema import check_schema
@@ -31,7 +33,7 @@ def solve(
     threads: Annotated[int | None, typer.Option(help="CPU threads; all by default.")] = None,
     method: Annotated[
         str | None,
-        typer.Option(help="default, paper, lm, lbfgs, ipopt or cio; else the scenario's."),
+        typer.Option(help=f"{' or '.join(METHODS)}; else the scenario's."),
     ] = None,
     max_iterations: Annotated[
         int | None, typer.Option(help="Stop after this many iterations.")
@@ -54,8 +56,10 @@ def solve(
     import trajopt
     from trajopt.progress import CheckpointWriter, chain, printer
 
+    if out is not None and out.suffix != ".npz":
+        raise ArgumentError(f"--out {out}: a trajectory is a .npz file: {out.with_suffix('.npz')}")
     start = None if resume is None else trajopt.Solution.load(resume)
-    chosen = _scenario(scenario, start).override(assignments or [])
+    chosen = _scenario(scenario, start, resume).override(assignments or [])
     target = Path("out") / f"{chosen.name}.npz" if out is None else out
     problem, options = chosen.build()
     given = {"method": method, "max_iterations": max_iterations, "threads": threads}
@@ -86,7 +90,7 @@ def solve(
     raise typer.Exit(0 if solution.converged else 1)
 
 
-def _scenario(name: str | None, start: Solution | None) -> Scenario:
+def _scenario(name: str | None, start: Solution | None, resume: Path | None) -> Scenario:
     """Return the scenario called `name`, or the one that `start` was solved for."""
     if name is not None:
         return load_scenario(name)
@@ -94,7 +98,7 @@ def _scenario(name: str | None, start: Solution | None) -> Scenario:
         raise ScenarioError("name a scenario: `trajopt scenarios` lists the built-in ones")
     origin = start.settings.get("scenario")
     if origin is None:
-        raise ScenarioError("the file to resume does not say which scenario it is of: name it")
+        raise ScenarioError(f"{resume}: does not say which scenario it is of: name it")
     check_schema(origin["settings"])
     return Scenario(origin["name"], origin["settings"], Path(origin["folder"]))
 

@@ -118,7 +118,7 @@ def _locate(text: str) -> tuple[Path, str]:
     if path.is_dir():
         raise ModelError(f"model '{text}' is a folder; give the .xml or .urdf file in it")
     if path.suffix or len(path.parts) > 1:
-        raise ModelError(f"model file '{text}' does not exist")
+        raise ModelError(f"{text}: no such file")
     known = ", ".join(builtin_names())
     raise ModelError(f"no built-in model is named '{text}'; known: {known}; or give a file")
 

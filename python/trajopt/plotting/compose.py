@@ -121,6 +121,8 @@ def _save(page: Figure, path: Path) -> Path:
     """Write the page, whole or not at all."""
     kind = path.suffix.lstrip(".").lower() or "png"
     if kind not in page.canvas.get_supported_filetypes():
-        raise ArgumentError(f"{path}: pictures of type {kind!r} cannot be written; use png or svg")
+        raise ArgumentError(
+            f"{path}: pictures of type {kind!r} cannot be written; use png, svg or pdf"
+        )
     write_atomically(path, lambda file: page.savefig(file, format=kind))
     return path

@@ -57,7 +57,7 @@ def check_choice(value: object, valid: Iterable[str], what: str) -> str:
     options = list(valid)
     if isinstance(value, str) and value in options:
         return value
-    near = difflib.get_close_matches(str(value), options, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(str(value), options, n=1, cutoff=0.8)
     hint = f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(options) or 'none'}"
     raise ScenarioError(f"unknown {what} {value!r}: {hint}")
 

@@ -72,12 +72,12 @@ class Scenario:
         """Number of frames N."""
         return round(float(self.settings["grid"]["duration"]) / self.dt)
 
-    def override(self, assignments: Iterable[str]) -> Scenario:
+    def override(self, assignments: str | Iterable[str]) -> Scenario:
         """Return the scenario with single entries changed.
 
         Parameters
         ----------
-        assignments : iterable of str
+        assignments : str or iterable of str
             ``key=value`` with dotted keys and TOML values, such as ``grid.dt=0.02``.
 
         Returns
@@ -89,7 +89,8 @@ class Scenario:
         ScenarioError
             If a key does not exist or a value is not TOML.
         """
-        settings = apply_overrides(self.settings, assignments)
+        entries = [assignments] if isinstance(assignments, str) else assignments
+        settings = apply_overrides(self.settings, entries)
         check_schema(settings)
         return replace(self, settings=settings)
 
