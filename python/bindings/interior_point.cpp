@@ -94,8 +94,8 @@ py::dict record(const ip::Record& r) {
   d["barrier"] = r.barrier;
   d["regularization"] = r.regularization;
   d["step_norm"] = r.step_norm;
-  d["primal_step"] = r.primal_step;
-  d["dual_step"] = r.dual_step;
+  d["step_length"] = r.primal_step;
+  d["dual_step_length"] = r.dual_step;
   d["trials"] = r.trials;
   d["second_order_correction"] = r.corrected;
   d["restoration"] = r.restoration;

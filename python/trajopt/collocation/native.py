@@ -19,62 +19,26 @@ from numpy.typing import NDArray
 from trajopt import _core
 from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP
+from trajopt.errors import ArgumentError
+from trajopt.status import Status
 
-__all__ = ["NativeOptions", "NativeSolver", "Start", "solve_native"]
+__all__ = ["OPTIONS", "NativeSolver", "solve_native"]
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where a solve starts when it is not the program's own guess.
+# Options beyond tolerance and iteration limit, with their defaults.
+OPTIONS: dict[str, Any] = {
+    "barrier": 0.1,  # barrier parameter at the start; 1e-6 of a warm start
+    "bound_push": 1e-2,  # share by which the start is pushed away from its bounds
+    "scale": True,  # scale objective and constraints by their gradients at the start
+    "refinements": 6,  # most refinement steps of a linear solve
+    "threads": 1,  # of the linear algebra; the result does not depend on them
+    "ordering": "auto",  # of the block elimination: auto, sequential, cyclic or chunked
+}
+WARM_BARRIER = 1e-6
 
-    Parameters
-    ----------
-    w : (n, nw) array
-    p : (np,) array
-    multipliers : mapping, optional
-        ``result["multipliers"]`` of an earlier solve of the same shape. With them the start is
-        warm: it is taken as it is, not pushed away from bounds.
-    """
-
-    w: FloatArray
-    p: FloatArray
-    multipliers: Mapping[str, FloatArray] | None = None
-
-
-@dataclass(frozen=True)
-class NativeOptions:
-    """Settings of the native interior point method.
-
-    Parameters
-    ----------
-    tolerance : float
-        Of the scaled optimality error.
-    max_iterations : int
-    barrier : float
-        Barrier parameter at the start; a warm start does better with a small one.
-    bound_push : float
-        Share by which the start is pushed away from its bounds.
-    scale : bool
-        Scale objective and constraints by their gradients at the start.
-    refinements : int
-        Most refinement steps of a linear solve.
-    threads : int
-        Of the linear algebra. The result does not depend on it.
-    callback : callable, optional
-        ``callback(record, x)`` after every iteration, x the nodes then the globals; returning
-        False stops the solver.
-    """
-
-    tolerance: float = 1e-8
-    max_iterations: int = 3000
-    barrier: float = 0.1
-    bound_push: float = 1e-2
-    scale: bool = True
-    refinements: int = 6
-    threads: int = 1
-    callback: Callable[[dict[str, Any], FloatArray], bool | None] | None = None
+Callback = Callable[[dict[str, Any], FloatArray], Any]
 
 
 @dataclass
@@ -137,7 +101,7 @@ class _Part:
 
 def _check_size(function: Any, array: FloatArray, expected: int) -> None:
     if array.size != expected:
-        raise ValueError(
+        raise ArgumentError(
             f"{function.name()} has a sparse argument or result: {array.size} values, "
             f"{expected} nonzeros"
         )
@@ -259,25 +223,55 @@ class NativeSolver:
         return np.concatenate([np.tile(nlp.c_scale, nlp.n - 1), np.ones(others)])
 
     def solve(
-        self, options: NativeOptions | None = None, start: Start | None = None
+        self,
+        *,
+        tolerance: float = 1e-8,
+        max_iterations: int = 3000,
+        options: Mapping[str, Any] | None = None,
+        warm_start: Mapping[str, Any] | None = None,
+        callback: Callback | None = None,
+        guess: tuple[FloatArray, FloatArray] | None = None,
     ) -> dict[str, Any]:
-        """Solve from the program's guess, or from `start`.
+        """Solve from the program's guess w (n, nw), p (np,), or from another one.
+
+        Parameters
+        ----------
+        tolerance : float
+            Of the scaled optimality error.
+        max_iterations : int
+        options : mapping, optional
+            Of `OPTIONS`.
+        warm_start : mapping, optional
+            An earlier result for the same mesh. Its multipliers are taken, and the guess is not
+            pushed away from its bounds.
+        callback : callable, optional
+            ``callback(record, x)`` after every iteration, x the nodes then the globals; returning
+            False stops the solver.
+        guess : tuple of arrays, optional
 
         Returns
         -------
         dict
-            status, message, w (n, nw), p (np,), multipliers (stage (n-1, nc), last, glob, w, p),
-            objective, iterations, history, seconds.
+            ``status``, ``message``, ``w`` (n, nw), ``p``, ``multipliers``, ``objective``,
+            ``iterations``, ``history`` (one dict per iteration), ``violation`` (by constraint row,
+            positive above the upper bound) and ``seconds``.
         """
-        nlp, o = self.nlp, options or NativeOptions()
-        start = start or Start(nlp.w_guess, nlp.p_guess)
-        x = np.concatenate([np.ravel(start.w), np.ravel(start.p)]) / self._scale
+        nlp = self.nlp
+        settings = OPTIONS | ({"barrier": WARM_BARRIER} if warm_start else {}) | (options or {})
+        for name in settings:
+            if name not in OPTIONS:
+                raise ArgumentError(
+                    f"options: '{name}' is not one of the native solver's, which are "
+                    + ", ".join(OPTIONS)
+                )
+        w, p = guess or (nlp.w_guess, nlp.p_guess)
+        x = np.concatenate([np.ravel(w), np.ravel(p)]) / self._scale
         rows = bounds = None
-        if start.multipliers is not None:
-            m = start.multipliers
+        if warm_start is not None:
+            m = warm_start["multipliers"]
             parts = [np.ravel(m["stage"]), m["last"]] + ([m["glob"]] if nlp.np > 0 else [])
             rows = np.concatenate(parts) * self._row_scale
-            bounds = np.concatenate([np.ravel(m["w"]), m["p"]]) * self._scale
+            bounds = np.concatenate([np.ravel(m["bounds"]), m["p_bounds"]]) * self._scale
         problem = {
             "nodes": nlp.n,
             "node_size": nlp.nw,
@@ -294,21 +288,16 @@ class NativeSolver:
             x,
             rows,
             bounds,
-            self._observer(o),
-            tolerance=o.tolerance,
-            max_iterations=o.max_iterations,
-            barrier=o.barrier,
-            bound_push=o.bound_push,
-            warm_start=rows is not None,
-            scale=o.scale,
-            refinements=o.refinements,
-            threads=o.threads,
+            self._observer(callback),
+            tolerance=tolerance,
+            max_iterations=max_iterations,
+            warm_start=warm_start is not None,
+            **settings,
         )
         seconds = time.perf_counter() - began
         return self._unpack(result, seconds)
 
-    def _observer(self, o: NativeOptions) -> Callable[[dict[str, Any], FloatArray], bool] | None:
-        callback = o.callback
+    def _observer(self, callback: Callback | None) -> Callback | None:
         if callback is None:
             return None
         scale = self._scale
@@ -328,7 +317,8 @@ class NativeSolver:
             result["objective"] += float(nlp.glob(casadi.DM(0, 1))[0])
         nodes, stage_rows = nlp.n * nlp.nw, (nlp.n - 1) * nlp.nc
         last = stage_rows + len(nlp.last_lower)
-        if result["status"] == "infeasible":
+        result["status"] = Status(result["status"])
+        if result["status"] is Status.INFEASIBLE:
             result["message"] += self._worst(violation)
         return {
             **result,
@@ -338,8 +328,8 @@ class NativeSolver:
                 "stage": rows[:stage_rows].reshape(nlp.n - 1, nlp.nc),
                 "last": rows[stage_rows:last],
                 "glob": rows[last:] if nlp.np > 0 else np.zeros(len(nlp.glob_lower)),
-                "w": bounds[:nodes].reshape(nlp.n, nlp.nw),
-                "p": bounds[nodes:],
+                "bounds": bounds[:nodes].reshape(nlp.n, nlp.nw),
+                "p_bounds": bounds[nodes:],
             },
             "violation": violation,
             "seconds": seconds,
@@ -379,7 +369,19 @@ def _substitute(
 
 
 def solve_native(
-    nlp: StagedNLP, options: NativeOptions | None = None, start: Start | None = None
+    nlp: StagedNLP,
+    *,
+    tolerance: float = 1e-8,
+    max_iterations: int = 3000,
+    options: Mapping[str, Any] | None = None,
+    warm_start: Mapping[str, Any] | None = None,
+    callback: Callback | None = None,
 ) -> dict[str, Any]:
-    """Build the derivatives of a program and solve it; see `NativeSolver`."""
-    return NativeSolver(nlp).solve(options, start)
+    """Build the derivatives of a program and solve it; see `NativeSolver.solve`."""
+    return NativeSolver(nlp).solve(
+        tolerance=tolerance,
+        max_iterations=max_iterations,
+        options=options,
+        warm_start=warm_start,
+        callback=callback,
+    )

@@ -225,3 +225,229 @@ def cart_pole() -> Control:
         x_bounds=([-2, -INF, -INF, -INF], [2, INF, INF, INF]),
         u_bounds=([-20], [20]),
     )
+
+
+def van_der_pol() -> Control:
+    """Minimum of the integral of x0^2 + x1^2 + u^2 over 5 s, u <= 1 (CasADi's standard case)."""
+    return Control(
+        2,
+        1,
+        lambda x, u: [(1 - x[1] ** 2) * x[0] - x[1] + u[0], x[0]],
+        lambda x, u: x[0] ** 2 + x[1] ** 2 + u[0] ** 2,
+        [0, 1],
+        [None, None],
+        tf=5.0,
+        x_bounds=([-0.25, -INF], [INF, INF]),
+        u_bounds=([-1.0], [1.0]),
+    )
+
+
+def brachistochrone() -> Control:
+    """Bead from rest at (0, 0) to (2, 2) below, g = 9.81: a cycloid."""
+    g = 9.81
+    return Control(
+        3,
+        1,
+        lambda x, u: [x[2] * ca.sin(u[0]), x[2] * ca.cos(u[0]), g * ca.cos(u[0])],
+        lambda x, u: 0.0 * u[0],
+        [0, 0, 0],
+        [2, 2, None],
+        tf=1.0,
+        free_time=(0.1, 10.0),
+        u_bounds=([0.0], [np.pi]),
+        terminal=lambda x, t: t,
+        guess=lambda a: ([2 * a, 2 * a, 6 * a], [0.8]),
+    )
+
+
+def double_integrator_time() -> Control:
+    """Rest to rest over a distance of 1 with |u| <= 1: 2 s, bang-bang."""
+    return Control(
+        2,
+        1,
+        lambda x, u: [x[1], u[0]],
+        lambda x, u: 0.0 * u[0],
+        [0, 0],
+        [1, 0],
+        tf=3.0,
+        free_time=(0.1, 10.0),
+        u_bounds=([-1.0], [1.0]),
+        terminal=lambda x, t: t,
+    )
+
+
+def bryson_denham() -> Control:
+    """x <= 1/9, minimum energy: 4 / (9 l) = 4 for l = 1/9 (Bryson and Ho 1975, 3.11)."""
+    return Control(
+        2,
+        1,
+        lambda x, u: [x[1], u[0]],
+        lambda x, u: u[0] ** 2 / 2,
+        [0, 1],
+        [0, -1],
+        x_bounds=([-INF, -INF], [1 / 9, INF]),
+    )
+
+
+def linear_tangent() -> Control:
+    """Linear tangent steering in minimum time (Betts 2001; COPS), a = 100, y = 5."""
+    return Control(
+        4,
+        1,
+        lambda x, u: [x[2], x[3], 100 * ca.cos(u[0]), 100 * ca.sin(u[0])],
+        lambda x, u: 0.0 * u[0],
+        [0, 0, 0, 0],
+        [None, 5, 45, 0],
+        tf=1.0,
+        free_time=(0.05, 2.0),
+        u_bounds=([-np.pi / 2], [np.pi / 2]),
+        terminal=lambda x, t: t,
+        guess=lambda a: ([10 * a, 5 * a, 45 * a, 0.0], [0.5 - a]),
+    )
+
+
+def goddard() -> Control:
+    """Goddard's rocket to its greatest height, normalized (Bryson 1999; COPS 3)."""
+    tc, mf, dc, hc, c = 3.5, 0.6, 310.0, 500.0, 0.5
+
+    def f(x: Any, u: Any) -> list[Any]:
+        h, v, m = x[0], x[1], x[2]
+        drag = dc * v**2 * ca.exp(-hc * (h - 1))
+        return [v, (u[0] - drag) / m - 1 / h**2, -u[0] / c]
+
+    return Control(
+        3,
+        1,
+        f,
+        lambda x, u: 0.0 * u[0],
+        [1, 0, 1],
+        [None, None, mf],
+        tf=0.2,
+        free_time=(0.02, 1.0),
+        x_bounds=([1, 0, mf], [INF, INF, 1]),
+        u_bounds=([0.0], [tc]),
+        terminal=lambda x, t: -x[0],
+        guess=lambda a: ([1 + 0.01 * a, 0.3 * a * (1 - a), 1 - 0.4 * a], [tc / 2]),
+    )
+
+
+def catalyst_mixing() -> Control:
+    """Mixing of two catalysts in a tubular reactor (COPS 3; Li and Liu)."""
+
+    def f(x: Any, u: Any) -> list[Any]:
+        return [
+            u[0] * (10 * x[1] - x[0]),
+            u[0] * (x[0] - 10 * x[1]) - (1 - u[0]) * x[1],
+        ]
+
+    return Control(
+        2,
+        1,
+        f,
+        lambda x, u: 0.0 * u[0],
+        [1, 0],
+        [None, None],
+        tf=1.0,
+        u_bounds=([0.0], [1.0]),
+        terminal=lambda x, t: x[0] + x[1] - 1,
+        guess=lambda a: ([1.0, 0.0], [0.0]),
+    )
+
+
+def hanging_chain() -> Control:
+    """Chain of length 4 between heights 1 and 3 with the least potential energy (COPS 3)."""
+    return Control(
+        3,
+        1,
+        lambda x, u: [u[0], x[0] * ca.sqrt(1 + u[0] ** 2), ca.sqrt(1 + u[0] ** 2)],
+        lambda x, u: 0.0 * u[0],
+        [1, 0, 0],
+        [3, None, 4],
+        tf=1.0,
+        terminal=lambda x, t: x[1],
+        guess=lambda a: (
+            [6 * (a - 0.25) ** 2 * 0.6 + 1, 2 * a, 4 * a],
+            [7.2 * (a - 0.25)],
+        ),
+    )
+
+
+def pendulum_swing_up() -> Control:
+    """Torque-limited pendulum, three swings of energy pumping at least."""
+    return Control(
+        2,
+        1,
+        lambda x, u: [x[1], u[0] - 9.81 * ca.sin(x[0]) - 0.1 * x[1]],
+        lambda x, u: u[0] ** 2,
+        [0, 0],
+        [np.pi, 0],
+        tf=4.0,
+        u_bounds=([-5.0], [5.0]),
+    )
+
+
+def dubins() -> Control:
+    """Car of bounded turning rate around a disc (path constraint), shortest time."""
+
+    def outside(x: Any, u: Any) -> list[Any]:
+        return [1.0 - (x[0] - 2) ** 2 - (x[1] - 0.2) ** 2]
+
+    return Control(
+        3,
+        1,
+        lambda x, u: [ca.cos(x[2]), ca.sin(x[2]), u[0]],
+        lambda x, u: 1e-3 * u[0] ** 2,
+        [0, 0, 0],
+        [4, 0, None],
+        tf=4.5,
+        free_time=(1.0, 20.0),
+        u_bounds=([-1.5], [1.5]),
+        path=outside,
+        terminal=lambda x, t: t,
+        guess=lambda a: ([4 * a, -2 * np.sin(np.pi * a), 0.0], [0.0]),
+    )
+
+
+def rayleigh() -> Control:
+    """Rayleigh's tunnel diode oscillator with a mixed constraint (Maurer and Augustin 2000)."""
+    return Control(
+        2,
+        1,
+        lambda x, u: [x[1], -x[0] + x[1] * (1.4 - 0.14 * x[1] ** 2) + 4 * u[0]],
+        lambda x, u: u[0] ** 2 + x[0] ** 2,
+        [-5, -5],
+        [None, None],
+        tf=4.5,
+        path=lambda x, u: [u[0] + x[0] / 6],
+    )
+
+
+def block_move_work(u_max: float = 10.0) -> Control:
+    """Kelly 8 with slack variables: minimum work |u v|, the power split in two parts."""
+    return Control(
+        2,
+        3,  # force, positive and negative power
+        lambda x, u: [x[1], u[0]],
+        lambda x, u: u[1] + u[2],
+        [0, 0],
+        [1, 0],
+        u_bounds=([-u_max, 0, 0], [u_max, INF, INF]),
+        path=lambda x, u: [u[0] * x[1] - u[1] + u[2], -(u[0] * x[1] - u[1] + u[2])],
+    )
+
+
+PROBLEMS: dict[str, Callable[[], Control]] = {
+    "block_move": block_move,
+    "cart_pole": cart_pole,
+    "van_der_pol": van_der_pol,
+    "brachistochrone": brachistochrone,
+    "double_integrator_time": double_integrator_time,
+    "bryson_denham": bryson_denham,
+    "linear_tangent": linear_tangent,
+    "goddard": goddard,
+    "catalyst_mixing": catalyst_mixing,
+    "hanging_chain": hanging_chain,
+    "pendulum_swing_up": pendulum_swing_up,
+    "dubins": dubins,
+    "rayleigh": rayleigh,
+}
