@@ -1,9 +1,10 @@
-// Feasibility restoration: damped Gauss-Newton on the rows' residual with the bounds as barrier,
+// Feasibility restoration: Newton's method on the rows' residual with the bounds as barrier,
 //
 //   min  1/2 |c(x) - s|^2 - mu sum of logarithms
 //
 // from where the filter line search gave up, until the filter takes the point and theta has
-// fallen. The same condensed matrix serves: without H, and with 1 in place of E.
+// fallen. The same condensed matrix serves, with 1 added to E and as H the Hessian of residual.c,
+// which is left out (damped Gauss-Newton) where the matrix would not be positive definite.
 #include <algorithm>
 #include <cmath>
 
@@ -23,7 +24,7 @@ constexpr int kHalvings = 12;
 
 }  // namespace
 
-// Gauss-Newton step in step_, from saved-for-restoration multipliers of the bounds.
+// The step in step_, for derivatives taken with the residual as multipliers.
 bool Method::restoration_step(double mu, double damping) {
   for (int i = 0; i < n_; ++i) {
     diagonal_[i] = barrier_curvature(bounds_, it_, i) + damping;
@@ -35,7 +36,10 @@ bool Method::restoration_step(double mu, double damping) {
     e_[i] = regularized_[i] = 1.0 + free;
     b2_[i] = -now_.residual[i] - free * barrier_gradient(bounds_, it_.y.data(), mu, s);
   }
-  if (!kkt_.factor(diagonal_.data(), regularized_.data(), false)) return false;
+  if (!kkt_.factor(diagonal_.data(), regularized_.data(), true) &&
+      !kkt_.factor(diagonal_.data(), regularized_.data(), false)) {
+    return false;
+  }
   const double residual = kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(),
                                      step_.dlambda.data(), options_.refinements);
   if (!std::isfinite(residual)) return false;
@@ -68,6 +72,7 @@ Method::Restored Method::restore() {
   };
   // Rounding errors alone: nothing here to restore.
   if (norm(now_) <= 1e-2 * options_.tolerance) return Restored::no;
+  if (!problem_.derivatives(it_.y.data(), now_.residual.data(), 0.0)) return Restored::no;
   double mu = std::min(mu_, 0.1 * squares(now_)), damping = kFirstDamping;
   for (int i = 0; i < n_ + m_; ++i) {
     if (bounds_.below(i)) it_.zl[i] = mu / (it_.y[i] - bounds_.lower[i]);
@@ -119,7 +124,7 @@ Method::Restored Method::restore() {
         it_.zu[i] += dual * step_.dzu[i];
       }
       safeguard_bound_multipliers(bounds_, it_, mu);
-      damping = std::max(kLeastDamping, h == 0 ? 0.2 * damping : damping);
+      damping = h == 0 ? std::max(kLeastDamping, 0.2 * damping) : h > 2 ? 10.0 * damping : damping;
       taken = true;
     }
     if (!taken) {
@@ -134,7 +139,7 @@ Method::Restored Method::restore() {
       }
       return Restored::yes;
     }
-    if (!differentiate()) return Restored::no;
+    if (!problem_.derivatives(it_.y.data(), now_.residual.data(), 0.0)) return Restored::no;
   }
   return Restored::no;
 }

@@ -98,7 +98,7 @@ bool ScaledProblem::values(const double* x, double& objective, double* constrain
   return std::isfinite(objective) && finite(constraint, rows_);
 }
 
-bool ScaledProblem::derivatives(const double* x, const double* multipliers) {
+bool ScaledProblem::derivatives(const double* x, const double* multipliers, double weight) {
   load(x);
   std::fill(gradient_.begin(), gradient_.end(), 0.0);
   bool good = true;
@@ -108,7 +108,7 @@ bool ScaledProblem::derivatives(const double* x, const double* multipliers) {
     for (int i = 0; i < rows; ++i) {
       t.part->multipliers[i] = row_scale_[t.first_row + i] * multipliers[t.first_row + i];
     }
-    std::fill_n(t.part->factor, t.part->count, objective_scale_);
+    std::fill_n(t.part->factor, t.part->count, weight * objective_scale_);
     t.part->evaluate_derivatives();
     good = take_derivatives(t) && good;
   }

@@ -30,7 +30,8 @@ class ScaledProblem {
 
   // False when something is not finite. values() leaves x in the problem's buffers.
   bool values(const double* x, double& objective, double* constraint);
-  bool derivatives(const double* x, const double* multipliers);
+  // weight: of the objective in the Hessian.
+  bool derivatives(const double* x, const double* multipliers, double weight = 1.0);
 
   // Takes the scales from the derivatives at a point; a derivatives() call must follow.
   void choose_scales();
