@@ -357,18 +357,15 @@ def catalyst_mixing() -> Control:
 def hanging_chain() -> Control:
     """Chain of length 4 between heights 1 and 3 with the least potential energy (COPS 3)."""
     return Control(
-        3,
+        2,
         1,
-        lambda x, u: [u[0], x[0] * ca.sqrt(1 + u[0] ** 2), ca.sqrt(1 + u[0] ** 2)],
-        lambda x, u: 0.0 * u[0],
-        [1, 0, 0],
-        [3, None, 4],
+        lambda x, u: [u[0], ca.sqrt(1 + u[0] ** 2)],
+        lambda x, u: x[0] * ca.sqrt(1 + u[0] ** 2),
+        [1, 0],
+        [3, 4],
         tf=1.0,
-        terminal=lambda x, t: x[1],
-        guess=lambda a: (
-            [6 * (a - 0.25) ** 2 * 0.6 + 1, 2 * a, 4 * a],
-            [7.2 * (a - 0.25)],
-        ),
+        u_bounds=([-10.0], [20.0]),
+        guess=lambda a: ([3.6 * (a - 0.25) ** 2 + 1, 4 * a], [7.2 * (a - 0.25)]),
     )
 
 
