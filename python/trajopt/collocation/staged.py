@@ -108,7 +108,7 @@ class StagedNLP:
     @property
     def nw(self) -> int:
         """Unknowns per node."""
-        return self.w_guess.shape[1]
+        return int(self.w_guess.shape[1])
 
     @property
     def np(self) -> int:
@@ -118,7 +118,7 @@ class StagedNLP:
     @property
     def nc(self) -> int:
         """Rows of the stage constraints."""
-        return self.c_lower.shape[1]
+        return int(self.c_lower.shape[1])
 
     def evaluate(self, w: FloatArray, p: FloatArray) -> Values:
         """Return cost and constraints at w (n, nw), p (np,)."""

@@ -1,0 +1,32 @@
+"""Direct collocation for smooth optimal control problems, after Kelly's tutorial.
+
+Needs CasADi: ``pip install 'contact-trajopt[casadi]'``.
+"""
+
+from trajopt.collocation.diagnosis import Violation
+from trajopt.collocation.guesses import continuation, keyframes, line
+from trajopt.collocation.problem import Problem
+from trajopt.collocation.smoothing import add_absolute, smooth_abs, smooth_max, smooth_min
+from trajopt.collocation.solution import Pass, Solution
+from trajopt.collocation.solver import solve
+from trajopt.collocation.symbols import TraceError, linear_solve
+from trajopt.collocation.verification import DerivativeCheck, check_derivatives
+
+__all__ = [
+    "DerivativeCheck",
+    "Pass",
+    "Problem",
+    "Solution",
+    "TraceError",
+    "Violation",
+    "add_absolute",
+    "check_derivatives",
+    "continuation",
+    "keyframes",
+    "line",
+    "linear_solve",
+    "smooth_abs",
+    "smooth_max",
+    "smooth_min",
+    "solve",
+]
