@@ -318,8 +318,6 @@ class NativeSolver:
         nodes, stage_rows = nlp.n * nlp.nw, (nlp.n - 1) * nlp.nc
         last = stage_rows + len(nlp.last_lower)
         result["status"] = Status(result["status"])
-        if result["status"] is Status.INFEASIBLE:
-            result["message"] += self._worst(violation)
         return {
             **result,
             "w": x[:nodes].reshape(nlp.n, nlp.nw),
@@ -334,26 +332,6 @@ class NativeSolver:
             "violation": violation,
             "seconds": seconds,
         }
-
-    def _worst(self, violation: FloatArray, most: int = 3) -> str:
-        """Name the rows that are violated most."""
-        nlp = self.nlp
-        lines = []
-        for i in np.argsort(-np.abs(violation))[:most]:
-            if violation[i] == 0.0:
-                break
-            lines.append(f"{self._row_name(int(i))}: {violation[i]:+.3e}")
-        return "; most violated: " + ", ".join(lines) if lines and nlp.n else ""
-
-    def _row_name(self, row: int) -> str:
-        names, stage_rows = self.nlp.names, (self.nlp.n - 1) * self.nlp.nc
-        if row < stage_rows:
-            node, local = divmod(row, self.nlp.nc)
-            return f"{names.stage[local]} at t = {names.times[node]:.4g}"
-        row -= stage_rows
-        if row < len(self.nlp.last_lower):
-            return f"{names.last[row]} at t = {names.times[-1]:.4g}"
-        return names.glob[row - len(self.nlp.last_lower)]
 
 
 def _substitute(
