@@ -1,17 +1,19 @@
-// The native interior point solver on functions that someone else compiled: each evaluation is a C
-// callback `void call(void*)` with its argument, both passed as integers, that reads and writes
-// NumPy arrays both sides hold. Nothing here runs Python code between two iterations unless there
-// is an observer.
+// The native interior point solver on functions that someone else traced. Each evaluation is a tape
+// the core interprets, or a C callback `void call(void*)` with its argument, both passed as
+// integers; either reads and writes NumPy arrays that both sides hold. Nothing here runs Python
+// code between two iterations unless there is an observer.
 #include "trajopt/interior_point/interior_point.h"
 
 #include <pybind11/stl.h>
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 
 #include "arrays.h"
 #include "bindings.h"
 #include "solve_call.h"
+#include "trajopt/interior_point/tape.h"
 
 namespace trajopt::bindings {
 
@@ -22,25 +24,61 @@ namespace ip = trajopt::interior_point;
 // Whoever passes memory must pass it as is: a converted copy would never see an evaluation.
 using Shared = py::array_t<double, py::array::c_style>;
 
-double* shared(const py::dict& d, const char* key, long size) {
-  const py::object value = d[key];
+double* shared_memory(const py::object& value, const char* name, long size) {
   if (!py::isinstance<Shared>(value)) {
-    throw ArgumentError(std::string(key) + " must be a contiguous float64 array");
+    throw ArgumentError(std::string(name) + " must be a contiguous float64 array");
   }
   auto array = py::reinterpret_borrow<Shared>(value);
   if (array.size() != size) {
-    throw ArgumentError(std::string(key) + " has " + std::to_string(array.size()) +
+    throw ArgumentError(std::string(name) + " has " + std::to_string(array.size()) +
                         " elements, expected " + std::to_string(size));
   }
   return array.mutable_data();
 }
+
+double* shared(const py::dict& d, const char* key, long size) {
+  return shared_memory(d[key], key, size);
+}
+
+std::vector<double> list(const Array& a) { return {a.data(), a.data() + a.size()}; }
 
 ip::Pattern pattern(const py::dict& d, const char* key) {
   const auto pair = d[key].cast<std::pair<std::vector<int>, std::vector<int>>>();
   return {pair.first, pair.second};
 }
 
-std::function<void()> callback(const py::dict& d, const char* key) {
+// (array, elements per copy) pairs of a tape's arguments or results.
+template <class End>
+std::vector<End> tape_ends(const py::list& pairs, int copies) {
+  std::vector<End> ends;
+  for (const py::handle& item : pairs) {
+    const auto pair = item.cast<py::tuple>();
+    const long size = pair[1].cast<long>(), step = pair[2].cast<long>();
+    ends.push_back({shared_memory(pair[0], "tape", step * (copies - 1) + size), size, step});
+  }
+  return ends;
+}
+
+std::function<void()> tape(const py::dict& d, int copies, int threads) {
+  const auto code = d["code"].cast<py::array_t<int, py::array::c_style>>();
+  const auto constants = d["constants"].cast<Array>();
+  if (code.ndim() != 2 || code.shape(1) != 4) {
+    throw ArgumentError("code of a tape must have four columns");
+  }
+  std::vector<ip::Instruction> instructions;
+  for (py::ssize_t k = 0; k < code.shape(0); ++k) {
+    instructions.push_back({code.at(k, 0), code.at(k, 1), code.at(k, 2), code.at(k, 3)});
+  }
+  auto made = std::make_shared<ip::Tape>(
+      std::move(instructions), list(constants), d["registers"].cast<int>(),
+      tape_ends<ip::TapeInput>(d["inputs"], copies),
+      tape_ends<ip::TapeOutput>(d["outputs"], copies), copies, threads);
+  return [made] { made->evaluate(); };
+}
+
+// A pair of addresses (function, argument), or a tape.
+std::function<void()> evaluation(const py::dict& d, const char* key, int copies, int threads) {
+  if (py::isinstance<py::dict>(d[key])) return tape(d[key], copies, threads);
   const auto pair = d[key].cast<std::pair<std::uintptr_t, std::uintptr_t>>();
   const auto call = reinterpret_cast<void (*)(void*)>(pair.first);
   const auto argument = reinterpret_cast<void*>(pair.second);
@@ -48,8 +86,8 @@ std::function<void()> callback(const py::dict& d, const char* key) {
   return [call, argument] { call(argument); };
 }
 
-void fill_part(ip::Part& part, const ip::StagedProblem& problem, int span,
-               const py::object& given) {
+void fill_part(ip::Part& part, const ip::StagedProblem& problem, int span, const py::object& given,
+               int threads) {
   part.span = span;
   if (given.is_none()) return;
   const py::dict d = given;
@@ -66,11 +104,9 @@ void fill_part(ip::Part& part, const ip::StagedProblem& problem, int span,
   part.gradient = shared(d, "gradient", count * problem.locals(part));
   part.jacobian_values = shared(d, "jacobian", count * part.jacobian.nonzeros());
   part.hessian_values = shared(d, "hessian", count * part.hessian.nonzeros());
-  part.evaluate_values = callback(d, "values_call");
-  part.evaluate_derivatives = callback(d, "derivatives_call");
+  part.evaluate_values = evaluation(d, "values_call", part.count, threads);
+  part.evaluate_derivatives = evaluation(d, "derivatives_call", part.count, threads);
 }
-
-std::vector<double> list(const Array& a) { return {a.data(), a.data() + a.size()}; }
 
 Array array(const std::vector<double>& v) {
   Array a(static_cast<py::ssize_t>(v.size()));
@@ -136,9 +172,9 @@ py::dict solve_staged(const py::dict& given, const Array& x,
   problem.upper = list(given["upper"].cast<Array>());
   problem.constraint_lower = list(given["constraint_lower"].cast<Array>());
   problem.constraint_upper = list(given["constraint_upper"].cast<Array>());
-  fill_part(problem.stages, problem, 2, given["stages"]);
-  fill_part(problem.last, problem, 1, given["last"]);
-  fill_part(problem.global, problem, 0, given["global"]);
+  fill_part(problem.stages, problem, 2, given["stages"], threads);
+  fill_part(problem.last, problem, 1, given["last"], threads);
+  fill_part(problem.global, problem, 0, given["global"], threads);
   const ip::Options options{.tolerance = tolerance,
                             .max_iterations = max_iterations,
                             .barrier = barrier,

@@ -1,7 +1,8 @@
 """`solver="native"`: the interior point method of the core on a staged nonlinear program.
 
-CasADi differentiates the terms of one stage once; the compiled solver then evaluates all stages
-in one call, through the address of CasADi's function buffers, without a line of Python in between.
+CasADi differentiates the terms of one stage once. The compiled solver then evaluates all stages in
+one call without a line of Python in between: scalar functions as tapes of its own, several stages
+per instruction, others through the addresses of CasADi's function buffers.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from trajopt import _core
 from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP
+from trajopt.collocation.tape import make_tape
 from trajopt.errors import ArgumentError
 from trajopt.status import Status
 
@@ -33,7 +36,7 @@ OPTIONS: dict[str, Any] = {
     "bound_push": 1e-2,  # share by which the start is pushed away from its bounds
     "scale": True,  # scale objective and constraints by their gradients at the start
     "refinements": 6,  # most refinement steps of a linear solve
-    "threads": 1,  # of the linear algebra; the result does not depend on them
+    "threads": 1,  # of evaluation and linear algebra; the result does not depend on them
     "ordering": "auto",  # of the block elimination: auto, sequential, cyclic or chunked
 }
 WARM_BARRIER = 1e-6
@@ -43,7 +46,7 @@ Callback = Callable[[dict[str, Any], FloatArray], Any]
 
 @dataclass
 class _Part:
-    """The functions of one kind of terms, mapped over their copies, and the memory they share."""
+    """The functions of one copy of some terms, and the memory all copies share."""
 
     count: int
     rows: int
@@ -68,15 +71,21 @@ class _Part:
         b["hessian"] = np.zeros(count * self.hessian.nnz())
         data = np.zeros(0) if s is None else np.ascontiguousarray(s, dtype=np.float64).ravel()
         point = [*nodes, b["globals"], data]
-        b["values_call"] = self._buffer(self.values, point, [b["cost"], b["constraint"]])
-        b["derivatives_call"] = self._buffer(
+        b["values_call"] = self._evaluation(self.values, point, [b["cost"], b["constraint"]])
+        b["derivatives_call"] = self._evaluation(
             self.derivatives,
             [*point, b["multipliers"], b["factor"]],
             [b["gradient"], b["jacobian"], b["hessian"]],
         )
 
+    def _evaluation(self, function: Any, inputs: list[Any], outputs: list[Any]) -> Any:
+        """Return a tape, or what the core needs to call CasADi."""
+        self.keep += [inputs, outputs]
+        return make_tape(function, inputs, outputs) or self._buffer(function, inputs, outputs)
+
     def _buffer(self, function: Any, inputs: list[Any], outputs: list[Any]) -> tuple[int, int]:
-        buffer = casadi.FunctionBuffer(function)
+        function = function.map(self.count)
+        buffer: Any = casadi.FunctionBuffer(function)
         for i, array in enumerate(inputs):
             _check_size(function, array, function.nnz_in(i))
             if array.size:
@@ -85,7 +94,7 @@ class _Part:
             _check_size(function, array, function.nnz_out(i))
             if array.size:
                 buffer.set_res(i, memoryview(array))
-        self.keep += [buffer, inputs, outputs]
+        self.keep.append(buffer)
         return _evaluation_address(), _address(buffer._self())
 
     def description(self) -> dict[str, Any]:
@@ -108,7 +117,8 @@ def _check_size(function: Any, array: FloatArray, expected: int) -> None:
 
 
 def _evaluation_address() -> int:
-    library = ctypes.CDLL(casadi._casadi.__file__)  # finds the symbols of libcasadi too
+    extension: Any = import_module("casadi._casadi")
+    library = ctypes.CDLL(extension.__file__)  # finds the symbols of libcasadi too
     function = library._ZN6casadi21_function_buffer_evalEPv
     return int(ctypes.cast(function, ctypes.c_void_p).value or 0)
 
@@ -174,9 +184,9 @@ class NativeSolver:
         rows = c.numel()
         multipliers, factor = kind.sym("multipliers", rows), kind.sym("factor")
         gradient = casadi.densify(casadi.gradient(cost, v))
-        jacobian = casadi.jacobian(c, v)
+        jacobian: Any = casadi.jacobian(c, v)
         lagrangian = factor * cost + casadi.dot(multipliers, c)
-        hessian = casadi.tril(casadi.hessian(lagrangian, v)[0])
+        hessian: Any = casadi.tril(casadi.hessian(lagrangian, v)[0])
         # The nodes are arguments of their own: those of neighbouring copies overlap in memory.
         parts = [kind.sym(f"w{i}", nlp.nw) for i in range(span)] + [kind.sym("p", nlp.np)]
         values, derivatives = _substitute(
@@ -190,8 +200,8 @@ class NativeSolver:
             rows,
             jacobian.sparsity(),
             hessian.sparsity(),
-            values.map(count),
-            derivatives.map(count),
+            values,
+            derivatives,
         )
 
     @cached_property
@@ -257,7 +267,7 @@ class NativeSolver:
             positive above the upper bound) and ``seconds``.
         """
         nlp = self.nlp
-        settings = OPTIONS | ({"barrier": WARM_BARRIER} if warm_start else {}) | (options or {})
+        settings = OPTIONS | ({"barrier": WARM_BARRIER} if warm_start else {}) | dict(options or {})
         for name in settings:
             if name not in OPTIONS:
                 raise ArgumentError(
