@@ -213,6 +213,10 @@ py::dict solve_staged(const py::dict& given, const Array& x,
 void register_interior_point(py::module_& m) {
   using namespace py::literals;  // NOLINT(google-build-using-namespace)
   const ip::Options o;
+  m.def(
+      "evaluate_tape",
+      [](const py::dict& d, int copies, int threads) { tape(d, copies, threads)(); }, "tape"_a,
+      "copies"_a, "threads"_a = 1, "Runs a tape once over the memory it names.");
   m.def("solve_staged", &solve_staged, "problem"_a, "x"_a, "multipliers"_a = py::none(),
         "bound_multipliers"_a = py::none(), "observer"_a = py::none(), py::kw_only(),
         "tolerance"_a = o.tolerance, "max_iterations"_a = o.max_iterations, "barrier"_a = o.barrier,

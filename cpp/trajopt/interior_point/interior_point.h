@@ -21,7 +21,7 @@ struct Options {
   double bound_push = 1e-2;  // distance of the start from its bounds (kappa_1, kappa_2)
   bool warm_start = false;   // multipliers are given; push, multipliers and mu stay as they are
   bool scale = true;         // gradient-based scaling
-  int refinements = 6;       // of a step, at most
+  int refinements = 4;       // of a step, at most
   int threads = 1;
   linalg::Ordering ordering = linalg::Ordering::automatic;
 };

@@ -11,7 +11,7 @@ namespace trajopt::interior_point {
 
 namespace {
 
-constexpr double kRefineTolerance = 1e-11;
+constexpr double kRefineTolerance = 1e-10;  // relative to the right-hand side
 
 double largest(const std::vector<double>& x) {
   double most = 0.0;

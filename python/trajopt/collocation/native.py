@@ -35,7 +35,7 @@ OPTIONS: dict[str, Any] = {
     "barrier": 0.1,  # barrier parameter at the start; 1e-6 of a warm start
     "bound_push": 1e-2,  # share by which the start is pushed away from its bounds
     "scale": True,  # scale objective and constraints by their gradients at the start
-    "refinements": 6,  # most refinement steps of a linear solve
+    "refinements": 4,  # most refinement steps of a linear solve
     "threads": 1,  # of evaluation and linear algebra; the result does not depend on them
     "ordering": "auto",  # of the block elimination: auto, sequential, cyclic or chunked
 }

@@ -12,55 +12,15 @@ from trajopt.collocation._casadi import casadi
 __all__ = ["make_tape"]
 
 # In the order of trajopt::interior_point::Operation.
-OPERATIONS = [
-    "ASSIGN",
-    "ADD",
-    "SUB",
-    "MUL",
-    "DIV",
-    "NEG",
-    "EXP",
-    "LOG",
-    "POW",
-    "CONSTPOW",
-    "SQRT",
-    "SQ",
-    "TWICE",
-    "SIN",
-    "COS",
-    "TAN",
-    "ASIN",
-    "ACOS",
-    "ATAN",
-    "LT",
-    "LE",
-    "EQ",
-    "NE",
-    "NOT",
-    "AND",
-    "OR",
-    "FLOOR",
-    "CEIL",
-    "FMOD",
-    "FABS",
-    "SIGN",
-    "COPYSIGN",
-    "IF_ELSE_ZERO",
-    "ERF",
-    "FMIN",
-    "FMAX",
-    "INV",
-    "SINH",
-    "COSH",
-    "TANH",
-    "ASINH",
-    "ACOSH",
-    "ATANH",
-    "ATAN2",
-    "CONST",
-    "INPUT",
+# fmt: off
+OPERATIONS = (
+    "ASSIGN", "ADD", "SUB", "MUL", "DIV", "NEG", "EXP", "LOG", "POW", "CONSTPOW", "SQRT", "SQ",
+    "TWICE", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "LT", "LE", "EQ", "NE", "NOT", "AND",
+    "OR", "FLOOR", "CEIL", "FMOD", "FABS", "SIGN", "COPYSIGN", "IF_ELSE_ZERO", "ERF", "FMIN",
+    "FMAX", "INV", "SINH", "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "ATAN2", "CONST", "INPUT",
     "OUTPUT",
-]
+)
+# fmt: on
 
 
 def make_tape(
