@@ -11,17 +11,12 @@ namespace trajopt::interior_point {
 
 namespace {
 
-constexpr double kErrorScale = 100.0;     // s_max (5)
-constexpr double kBarrierError = 10.0;    // kappa_epsilon (7)
-constexpr double kBarrierFactor = 0.2;    // kappa_mu (7)
-constexpr double kBarrierPower = 1.5;     // theta_mu (7)
-constexpr double kLeastTau = 0.99;        // tau_min (8)
-constexpr double kLargestEstimate = 1e3;  // of multipliers estimated at the start [3.6]
-constexpr double kFirstDelta = 1e-4;      // delta_w [3.1]
-constexpr double kLeastDelta = 1e-20;
-constexpr double kMostDelta = 1e40;
-constexpr double kEpsilon = 1e-8;  // regularization of the rows, refined away
-constexpr double kFreeCompliance = 1e20;
+constexpr double kErrorScale = 100.0;    // s_max (5)
+constexpr double kBarrierError = 10.0;   // kappa_epsilon (7)
+constexpr double kBarrierFactor = 0.2;   // kappa_mu (7)
+constexpr double kBarrierPower = 1.5;    // theta_mu (7)
+constexpr double kLeastTau = 0.99;       // tau_min (8)
+constexpr int kReserved = 10000;         // iterations whose records need no allocation
 constexpr double kUserViolation = 1e-4;  // in the user's units, whatever the scales
 
 std::vector<double> joined(const std::vector<double>& a, const std::vector<double>& b) {
@@ -42,7 +37,7 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
       bounds_(joined(problem.lower, problem.constraint_lower),
               joined(problem.upper, problem.constraint_upper)),
       kkt_(problem_, options.ordering, options.threads),
-      filter_(options.max_iterations + 1),
+      filter_(std::min(options.max_iterations, kReserved) + 1),
       gradient_(n_ + m_),
       diagonal_(n_),
       e_(m_),
@@ -52,8 +47,7 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
       soc_(m_),
       saved_y_(n_ + m_),
       mu_(options.barrier),
-      tau_(std::max(kLeastTau, 1.0 - mu_)),
-      epsilon_(kEpsilon) {
+      tau_(std::max(kLeastTau, 1.0 - mu_)) {
   for (Iterate* it : {&it_, &saved_}) {
     for (auto* v : {&it->y, &it->zl, &it->zu}) v->resize(n_ + m_);
     it->lambda.resize(m_);
@@ -66,7 +60,7 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
     for (auto* v : {&d->dy, &d->dzl, &d->dzu}) v->resize(n_ + m_);
     d->dlambda.resize(m_);
   }
-  history_.reserve(options.max_iterations + 1);
+  history_.reserve(std::min(options.max_iterations, kReserved) + 1);
 }
 
 // Theta, phi and the residual at y; false when something is not finite.
@@ -133,76 +127,6 @@ double Method::user_violation() const {
   return most;
 }
 
-void Method::start(const Point& point) {
-  std::copy_n(point.x.data(), n_, it_.y.data());
-  const bool warm = options_.warm_start && static_cast<int>(point.multipliers.size()) == m_;
-  const double push = warm ? std::min(1e-9, options_.bound_push) : options_.bound_push;
-  for (int i = 0; i < n_; ++i) {
-    if (bounds_.fixed(i)) it_.y[i] = bounds_.lower[i];
-  }
-  std::vector<double> lower(bounds_.lower), upper(bounds_.upper);
-  // Bounds of variables first, since the rows are evaluated at the pushed start.
-  Bounds variables({lower.begin(), lower.begin() + n_}, {upper.begin(), upper.begin() + n_});
-  variables.push_inside(it_.y.data(), push);
-  std::fill(it_.lambda.begin(), it_.lambda.end(), 0.0);
-  if (options_.scale) {
-    if (problem_.derivatives(it_.y.data(), it_.lambda.data())) problem_.choose_scales();
-    for (int i = 0; i < m_; ++i) {
-      lower[n_ + i] *= problem_.row_scale()[i];
-      upper[n_ + i] *= problem_.row_scale()[i];
-    }
-    bounds_ = Bounds(lower, upper);
-  }
-  std::fill_n(it_.y.begin() + n_, m_, 0.0);
-  evaluate(it_.y.data(), now_);
-  std::copy_n(now_.c.data(), m_, it_.y.data() + n_);
-  bounds_.push_inside(it_.y.data(), push);
-  for (int i = 0; i < n_ + m_; ++i) {
-    it_.zl[i] = bounds_.below(i) ? 1.0 : 0.0;
-    it_.zu[i] = bounds_.above(i) ? 1.0 : 0.0;
-  }
-  if (!warm) return;
-  const double f = problem_.objective_scale();
-  const auto split = [&](int i, double z) {
-    const double least = mu_ / 10.0;
-    if (bounds_.below(i)) it_.zl[i] = std::max(-z, least);
-    if (bounds_.above(i)) it_.zu[i] = std::max(z, least);
-  };
-  for (int i = 0; i < m_; ++i) {
-    it_.lambda[i] = point.multipliers[i] * f / problem_.row_scale()[i];
-    split(n_ + i, it_.lambda[i]);
-  }
-  for (int i = 0; i < n_; ++i) {
-    if (!point.bound_multipliers.empty()) split(i, f * point.bound_multipliers[i]);
-  }
-  safeguard_bound_multipliers(bounds_, it_, mu_);
-}
-
-// Least squares: min |grad f + J^T lambda - zl + zu|, over slacks as well [3.6].
-void Method::estimate_multipliers() {
-  std::fill(diagonal_.begin(), diagonal_.end(), 1.0);
-  for (int i = 0; i < n_; ++i) {
-    b1_[i] = -(problem_.gradient()[i] - it_.zl[i] + it_.zu[i]);
-  }
-  for (int i = 0; i < m_; ++i) {
-    const int s = n_ + i;
-    const bool bounded = !bounds_.fixed(s) && !bounds_.free(s);
-    e_[i] = bounded ? 1.0 : row_compliance(i, 0.0);
-    b2_[i] = bounded ? it_.zl[s] - it_.zu[s] : 0.0;
-    regularized_[i] = e_[i] + kEpsilon;
-  }
-  std::fill(it_.lambda.begin(), it_.lambda.end(), 0.0);
-  if (!kkt_.factor(diagonal_.data(), regularized_.data(), false)) return;
-  kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(), it_.lambda.data(),
-             options_.refinements);
-  for (double l : it_.lambda) {
-    if (!(std::abs(l) <= kLargestEstimate)) {
-      std::fill(it_.lambda.begin(), it_.lambda.end(), 0.0);
-      return;
-    }
-  }
-}
-
 // Lowers mu while the barrier problem is solved well enough for it; true: the filter starts anew.
 bool Method::reduce_barrier() {
   const double least = options_.tolerance / (kBarrierError + 1.0);
@@ -214,66 +138,6 @@ bool Method::reduce_barrier() {
     changed = true;
   }
   return changed;
-}
-
-// E of a row: 0 for an equality, 1 / (curvature of its slack) else. A row without bounds is no
-// constraint: so compliant that its multiplier stays zero.
-double Method::row_compliance(int row, double delta) const {
-  const int s = n_ + row;
-  if (bounds_.fixed(s)) return 0.0;
-  if (bounds_.free(s)) return kFreeCompliance;
-  return 1.0 / (barrier_curvature(bounds_, it_, s) + delta);
-}
-
-// b1_, b2_ for the rows' residual; e_ and diagonal_ must be those of the factorization.
-void Method::right_hand_side(const double* residual) {
-  for (int i = 0; i < n_; ++i) {
-    b1_[i] =
-        bounds_.fixed(i) ? 0.0 : -gradient_[i] - barrier_gradient(bounds_, it_.y.data(), mu_, i);
-  }
-  for (int i = 0; i < m_; ++i) {
-    const int s = n_ + i;
-    const double rs =
-        bounds_.fixed(s) ? 0.0 : gradient_[s] + barrier_gradient(bounds_, it_.y.data(), mu_, s);
-    b2_[i] = -residual[i] - e_[i] * rs;
-  }
-}
-
-void Method::complete_direction(Direction& d) {
-  for (int i = 0; i < m_; ++i) {
-    const int s = n_ + i;
-    const double g = gradient_[s] + barrier_gradient(bounds_, it_.y.data(), mu_, s);
-    const bool moves = !bounds_.fixed(s) && !bounds_.free(s);
-    d.dy[s] = moves ? e_[i] * (d.dlambda[i] - g) : 0.0;
-  }
-  bound_multiplier_steps(bounds_, it_, d.dy.data(), mu_, d.dzl.data(), d.dzu.data());
-}
-
-// The primal-dual step, with as much regularization as the inertia asks for [3.1].
-bool Method::find_direction() {
-  delta_ = 0.0;
-  for (;;) {
-    for (int i = 0; i < n_; ++i) diagonal_[i] = barrier_curvature(bounds_, it_, i) + delta_;
-    for (int i = 0; i < m_; ++i) {
-      e_[i] = row_compliance(i, delta_);
-      regularized_[i] = e_[i] + epsilon_;
-    }
-    if (kkt_.factor(diagonal_.data(), regularized_.data(), true)) break;
-    if (delta_ == 0.0) {
-      delta_ = delta_last_ == 0.0 ? kFirstDelta : std::max(kLeastDelta, delta_last_ / 3.0);
-    } else {
-      delta_ *= delta_last_ == 0.0 ? 100.0 : 8.0;
-    }
-    if (delta_ > kMostDelta) return false;
-  }
-  if (delta_ > 0.0) delta_last_ = delta_;
-  Stopwatch watch;
-  right_hand_side(now_.residual.data());
-  const double residual = kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(),
-                                     step_.dlambda.data(), options_.refinements);
-  complete_direction(step_);
-  spent_.solve += watch.lap();
-  return std::isfinite(residual);
 }
 
 bool Method::report(const Errors& e) {
@@ -313,7 +177,6 @@ Outcome Method::finish(Status status, const std::string& message, Point& point) 
         scale;
   }
   for (int i = 0; i < n_; ++i) {
-    // A pinned variable's multiplier closes its row of the stationarity condition.
     point.bound_multipliers[i] = (it_.zu[i] - it_.zl[i]) / f;
   }
   return out;
@@ -332,7 +195,9 @@ Outcome Method::run(Point& point) {
       return finish(Status::numerical_failure, "derivatives are not finite at the start", point);
     }
   }
-  evaluate(it_.y.data(), now_);
+  if (!evaluate(it_.y.data(), now_)) {
+    return finish(Status::numerical_failure, "the constraints are not finite at the start", point);
+  }
   theta_most_ = 1e4 * std::max(1.0, now_.theta);
   theta_least_ = 1e-4 * std::max(1.0, now_.theta);
   filter_.reset(theta_most_);

@@ -1,5 +1,6 @@
-// The state of one interior point solve, shared by its parts: the loop (interior_point.cpp), the
-// line search (line_search.cpp) and the restoration phase (restoration.cpp).
+// The state of one interior point solve, shared by its parts: the loop (interior_point.cpp), its
+// start (start.cpp), steps (direction.cpp), line search (line_search.cpp) and restoration phase
+// (restoration.cpp).
 #pragma once
 
 #include <string>
@@ -11,6 +12,9 @@
 #include "trajopt/solver/stopwatch.h"
 
 namespace trajopt::interior_point {
+
+// Regularization of the rows, refined away again (see kkt.h).
+inline constexpr double kRowEpsilon = 1e-8;
 
 class Method {
  public:
@@ -32,21 +36,25 @@ class Method {
   };
   enum class Search { accepted, restore, failed };
 
-  // interior_point.cpp
+  // start.cpp
   void start(const Point& point);
   void estimate_multipliers();
+
+  // interior_point.cpp
   bool evaluate(const double* y, Values& v);
   bool differentiate();
   void gradient_of_lagrangian();
   Errors errors(double mu) const;
   bool reduce_barrier();
+  double user_violation() const;
+  bool report(const Errors& e);
+  Outcome finish(Status status, const std::string& message, Point& point);
+
+  // direction.cpp
   bool find_direction();
   double row_compliance(int row, double delta) const;
   void right_hand_side(const double* residual);
   void complete_direction(Direction& d);
-  double user_violation() const;
-  bool report(const Errors& e);
-  Outcome finish(Status status, const std::string& message, Point& point);
 
   // line_search.cpp
   Search search();
@@ -78,7 +86,6 @@ class Method {
   Iterate saved_;
   double mu_, tau_, theta_least_ = 0, theta_most_ = 0;
   double delta_ = 0, delta_last_ = 0;
-  double epsilon_;
   bool tiny_ = false;
   Record record_;
   std::vector<Record> history_;
