@@ -1,9 +1,10 @@
-# Everything runs inside .venv; cmake and ninja come with it, so only Python >= 3.10 with venv, a C++20
-# compiler and make must be there before.
+# Everything runs inside .venv; cmake and ninja come with it, so only Python >= 3.10 with its headers
+# and venv, a C++20 compiler and make must be there before.
 #
 #   make demo    solve the built-in hop; write the motion and its pictures under out/
 #   make test    C++ tests (ctest) and Python tests (pytest)
-#   make lint    ruff, mypy, clang-format
+#   make lint    ruff, mypy, clang-format, docs
+#   make docs    the documentation as a web site, under build/site
 #   make format  let ruff and clang-format rewrite the files
 #   make bench   benchmarks of the core
 #   make clean   remove build trees and results; `make distclean` removes .venv too
@@ -18,7 +19,7 @@ PIP := $(BIN)/python -m pip install --quiet
 CPP_FILES = $(shell find cpp python/bindings tests/cpp bench cuda -name '*.h' -o -name '*.cpp' \
                     -o -name '*.cu' -o -name '*.cuh' 2>/dev/null)
 
-.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp format tidy bench clean \
+.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp docs format tidy bench clean \
         distclean install
 .DELETE_ON_ERROR:
 
@@ -35,6 +36,8 @@ $(BIN)/python:
 
 # Build tools live in .venv, so that rebuilding after an edit recompiles only what changed.
 $(VENV)/build-tools: pyproject.toml | $(BIN)/python
+	@CPATH=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("include"))') \
+	  .ci/native-dependency Python.h python3-dev
 	$(PIP) 'scikit-build-core>=0.11' 'pybind11>=2.12' 'cmake>=3.20' ninja
 	@touch $@
 
@@ -66,7 +69,7 @@ test-python: $(VENV)/extra-test install
 
 # --- quality -------------------------------------------------------------------------------------
 
-lint: lint-python lint-types lint-cpp
+lint: lint-python lint-types lint-cpp docs
 
 lint-python: $(VENV)/extra-dev
 	$(BIN)/ruff check .
@@ -77,6 +80,10 @@ lint-types: $(VENV)/extra-dev install
 
 lint-cpp: $(VENV)/extra-dev
 	$(BIN)/clang-format --dry-run -Werror $(CPP_FILES)
+
+# A page that is in no menu and a link that leads nowhere are errors.
+docs: $(VENV)/extra-dev
+	$(BIN)/mkdocs build --quiet --strict --site-dir build/site
 
 format: $(VENV)/extra-dev
 	$(BIN)/ruff check --fix .

@@ -106,7 +106,7 @@ void update(benchmark::State& state) {
   const BlockBuffer c(size * ld), v(size * ld), u(size * ld);
   const BlockKernels& kernels = block_kernels(trajopt::active_isa());
   for (auto _ : state) {
-    kernels.update(size, size, size, c.data(), ld, c.data(), ld, v.data(), u.data(), ld, false);
+    kernels.update(size, size, size, c.data(), ld, c.data(), ld, v.data(), ld, u.data(), ld, false);
     benchmark::ClobberMemory();
   }
   report(state, 2.0 * size * size * size);

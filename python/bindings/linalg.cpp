@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "arrays.h"
 #include "bindings.h"
+#include "linalg_arrays.h"
 #include "trajopt/linalg/factorization.h"
 
 namespace trajopt::bindings {
@@ -15,18 +15,7 @@ namespace trajopt::bindings {
 namespace {
 
 using linalg::Factorization;
-using linalg::Ordering;
 using linalg::SymmetricBlockTridiagonal;
-using Signs = py::array_t<signed char, py::array::c_style | py::array::forcecast>;
-
-Ordering parse_ordering(const std::string& name) {
-  for (Ordering ordering :
-       {Ordering::automatic, Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
-    if (name == linalg::ordering_name(ordering)) return ordering;
-  }
-  throw ArgumentError("ordering is '" + name +
-                      "', expected 'auto', 'sequential', 'cyclic' or 'chunked'");
-}
 
 SymmetricBlockTridiagonal make_matrix(const Array& diagonal, const Array& lower) {
   require_shape(diagonal, {-1, -1, -1, -1}, "diagonal");
@@ -38,18 +27,6 @@ SymmetricBlockTridiagonal make_matrix(const Array& diagonal, const Array& lower)
   std::copy_n(diagonal.data(), diagonal.size(), a.diagonal(0));
   std::copy_n(lower.data(), lower.size(), a.lower(0));
   return a;
-}
-
-// rhs as (batch, rows, m); returns m.
-int columns(const Array& rhs, long batch, long rows) {
-  require_shape(rhs, {batch, rows, -1}, "rhs");
-  return static_cast<int>(rhs.shape(2));
-}
-
-Array copy(const Array& from) {
-  Array to(std::vector<py::ssize_t>(from.shape(), from.shape() + from.ndim()));
-  std::copy_n(from.data(), from.size(), to.mutable_data());
-  return to;
 }
 
 Array matmul(const SymmetricBlockTridiagonal& a, const Array& x, int threads) {

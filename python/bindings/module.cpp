@@ -16,7 +16,11 @@ PYBIND11_MODULE(_core, m) {
       "Instruction set the hot code runs with: portable, avx2 or avx512.");
   m.def("hardware_threads", &trajopt::hardware_threads);
   py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
+  trajopt::bindings::register_devices(m);
   trajopt::bindings::register_linalg(m);
+#ifdef TRAJOPT_WITH_CUDA
+  trajopt::bindings::register_cuda_linalg(m);
+#endif
   trajopt::bindings::register_model(m);
   trajopt::bindings::register_problem(m);
   trajopt::bindings::register_solver(m);

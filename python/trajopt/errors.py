@@ -2,7 +2,8 @@
 
 All of them derive from :class:`TrajoptError`, so one ``except`` clause separates a problem with
 the input from a defect of the program.  Those about arguments also derive from the built-in that a
-Python programmer expects (``ValueError``, ``TypeError``, ``ImportError``).
+Python programmer expects (``ValueError``, ``TypeError``, ``ImportError``), those about devices from
+``RuntimeError``.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ class FactorizationError(TrajoptError):
         self.pivot = pivot
 
 
-class DeviceError(TrajoptError):
-    """The requested device is not there, or not supported by this build."""
+class DeviceError(TrajoptError, RuntimeError):
+    """The requested device is not there, out of memory, or not supported by this build."""
 
 
 class MissingDependencyError(TrajoptError, ImportError):

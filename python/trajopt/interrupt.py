@@ -18,10 +18,12 @@ class InterruptFlag:
 
     Examples
     --------
+    >>> before = signal.signal(signal.SIGINT, signal.default_int_handler)
     >>> with InterruptFlag() as flag:
     ...     signal.raise_signal(signal.SIGINT)
     ...     print(flag.raised)
     True
+    >>> _ = signal.signal(signal.SIGINT, before)
     """
 
     def __init__(self) -> None:

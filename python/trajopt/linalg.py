@@ -23,7 +23,8 @@ import numpy as np
 import numpy.typing as npt
 
 import trajopt._core as _core
-from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError, FactorizationError
+from trajopt.devices import Device, choose_device
+from trajopt.errors import ArgumentError, ArgumentTypeError, FactorizationError
 
 __all__ = ["Factorization", "Ordering", "SymmetricBlockTridiagonal"]
 
@@ -134,12 +135,14 @@ class SymmetricBlockTridiagonal:
             +1 and -1: the known signs of the pivots of a quasi-definite matrix, such as +1 for
             variables and -1 for multipliers.  Default: positive definite.
         ordering : {"auto", "sequential", "cyclic", "chunked"}
-            Order of elimination.  ``"auto"`` sweeps from both ends towards the middle, and
-            sequentially for short chains and batches.  Equal orderings give equal bits.
-        device : str
-            ``"cpu"``, or ``"auto"`` for the best there is.
+            Order of elimination.  On the processor ``"auto"`` sweeps from both ends towards the
+            middle, and sequentially for short chains and batches; on a GPU it is ``"cyclic"``
+            except for large batches.  Equal orderings give equal bits, on any device.
+        device : {"cpu", "cuda", "auto"}
+            ``"auto"`` is the GPU where there is one.  The factors stay in its memory;
+            :meth:`Factorization.solve` copies right-hand sides there and solutions back.
         threads : int, optional
-            Default: all processors.  The result has the same bits for any number.
+            Of the processor; default: all.  The result has the same bits for any number.
         regularization : float
             Added to the diagonal times `signs`; :meth:`Factorization.solve` can refine it away.
         chunks : int
@@ -155,7 +158,7 @@ class SymmetricBlockTridiagonal:
             If a pivot is not finite, zero to working accuracy or of the wrong sign; it names the
             block and the row inside it.
         DeviceError
-            If `device` is not in this build.
+            If `device` is ``"cuda"`` and there is no GPU to use, or too little memory on it.
 
         Examples
         --------
@@ -170,17 +173,20 @@ expected a positive one (regularization 0)
         """
         if ordering not in _ORDERINGS:
             raise ArgumentError(f"ordering is {ordering!r}, expected one of {_ORDERINGS}")
-        if device == "cuda":
-            raise DeviceError("device 'cuda': this build of trajopt has no CUDA backend")
-        if device not in ("cpu", "auto"):
-            raise ArgumentError(f"device is {device!r}, expected 'cpu', 'cuda' or 'auto'")
+        where = choose_device(device)
         _require_integer(chunks, "chunks", 1)
         if not (np.isfinite(regularization) and regularization >= 0.0):
             raise ArgumentError(
                 f"regularization is {regularization!r}, expected a finite number >= 0"
             )
         return Factorization(
-            self, self._signs(signs), ordering, _threads(threads), float(regularization), chunks
+            self,
+            self._signs(signs),
+            ordering,
+            where,
+            _threads(threads),
+            float(regularization),
+            chunks,
         )
 
     def _signs(self, signs: npt.ArrayLike | None) -> npt.NDArray[np.int8] | None:
@@ -213,21 +219,27 @@ class Factorization:
         matrix: SymmetricBlockTridiagonal,
         signs: npt.NDArray[np.int8] | None,
         ordering: Ordering,
+        device: Device,
         threads: int,
         regularization: float,
         chunks: int,
     ) -> None:
         self._matrix = matrix
         self._threads = threads
-        self._core = _core.BlockFactorization(
-            matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch
-        )
+        self._device: Device = device
+        make = _core.CudaBlockFactorization if device == "cuda" else _core.BlockFactorization
+        self._core = make(matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch)
         self._core.factor(matrix._core, signs, regularization, threads)
 
     @property
     def ordering(self) -> str:
         """The order of elimination that was used; never ``"auto"``."""
         return cast("str", self._core.ordering)
+
+    @property
+    def device(self) -> Device:
+        """Where the factors are: ``"cpu"`` or ``"cuda"``; never ``"auto"``."""
+        return self._device
 
     def solve(self, rhs: npt.ArrayLike, *, refinements: int = 0) -> Array:
         """Solve for one or many right-hand sides.

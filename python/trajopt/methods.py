@@ -69,6 +69,7 @@ def run_core(
     max_iterations: int,
     last: bool,
     options: dict[str, Any],
+    device: str = "cpu",
 ) -> tuple[str, str, int, Any]:
     """Run a core solver for one stage; only the last one finishes to the constraint tolerance.
 
@@ -87,6 +88,7 @@ def run_core(
             observer,
             max_iterations=max_iterations,
             restore=last,
+            device=device,
             **options,
         )
     status, message, count, final = result

@@ -73,7 +73,6 @@ def build_solution(
         constraint_violation=float(evaluation["constraint_norm"]) * scales.force,
         frame_violation=violation.max(axis=1, initial=0.0),
         body_weight=scales.force,
-        device="cpu",
         **report,
     )
     try:

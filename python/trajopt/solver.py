@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trajopt import _core
 from trajopt.checks import choice, non_negative, positive, whole
+from trajopt.devices import choose_device
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
 from trajopt.interrupt import InterruptFlag
 from trajopt.methods import METHODS, paper_problem, run_core
@@ -42,6 +43,7 @@ class _Run:
     seed: int
     method: str
     ordering: str
+    device: str
     interrupt: InterruptFlag
     history: list[IterationRecord] = field(default_factory=list)
     iterations: int = 0
@@ -99,6 +101,7 @@ class _Run:
             history=list(self.history),
             seed=self.seed,
             ordering=self.ordering,
+            device=self.device,
             settings={"method": self.method, "stage": self.stage_index},
         )
 
@@ -129,8 +132,10 @@ def solve(
         ``default``: Levenberg-Marquardt SQP in a funnel, in stages of growing stiffness.
         ``paper``: Pan's Algorithm 1 on his version of the problem (Hermite spline, implicit
         integrator, undamped contact with w_t = w_n), in his three passes of stiffness.
-    device : {"auto", "cpu"}
-        Where to run; this version has the CPU backend.
+    device : {"auto", "cpu", "cuda"}
+        Where to run. ``"cuda"`` is for the default method on frames that are not periodic, without
+        terms that are functions of the user; ``"auto"`` is the CPU. For one `ordering` other than
+        ``"auto"`` both give the same bits.
     callback : callable, optional
         Called with an `IterationRecord` after each iteration; returning True stops the solve.
     max_iterations : int, optional
@@ -170,8 +175,10 @@ def solve(
     _check_problem(problem, warm_start, callback)
     choice("solve", "method", method, METHODS)
     choice("solve", "ordering", ordering, ORDERINGS)
-    if device not in ("auto", "cpu"):
-        raise DeviceError(f"solve: device = {device!r}, but this build has the CPU backend only")
+    # A GPU only when it is asked for.
+    device = "cpu" if device == "auto" else choose_device(device)
+    if device == "cuda" and method != "default":
+        raise DeviceError(f"solve: method {method!r} runs on the CPU only, not on device 'cuda'")
     if threads is not None:
         whole("solve", "threads", threads, 1)
     if max_iterations is not None:
@@ -202,7 +209,7 @@ def solve(
     }
     with InterruptFlag() as interrupt:
         transcription = Transcription(problem, threads or _core.hardware_threads())
-        run = _Run(transcription, callback, seed, method, ordering, interrupt)
+        run = _Run(transcription, callback, seed, method, ordering, device, interrupt)
         solution = _run_stages(run, passes, guess, limit, noise, options)
         if refine is not None:
             solution = _refine(run, solution, refine, max_refinements, limit, options)
@@ -294,7 +301,14 @@ def _run_stages(
         if stage.iterations is not None and not last:
             budget = min(budget, stage.iterations)
         name, message, count, state = run_core(
-            run.method, core, state, run.observer(core), max(budget, 1), last, options
+            run.method,
+            core,
+            state,
+            run.observer(core),
+            max(budget, 1),
+            last,
+            options,
+            run.device,
         )
         run.iterations += count
         status = Status(name)

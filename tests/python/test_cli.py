@@ -49,7 +49,7 @@ def test_info(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "info")
     assert code == 0
     names = {line.split()[0] for line in out.splitlines()}
-    assert {"trajopt", "backends", "devices", "SIMD", "threads"} <= names
+    assert {"trajopt", "backends", "devices", "CUDA", "SIMD", "threads"} <= names
 
 
 def test_check_prints_the_model_and_finds_it_good(capsys: pytest.CaptureFixture[str]) -> None:

@@ -216,8 +216,8 @@ def test_bad_arguments():
         matrix.factor(regularization=np.nan)
     with pytest.raises(trajopt.ArgumentError, match="threads"):
         matrix.factor(threads=0)
-    with pytest.raises(trajopt.DeviceError, match="CUDA"):
-        matrix.factor(device="cuda")
+    with pytest.raises(trajopt.ArgumentError, match="device = 'gpu'"):
+        matrix.factor(device="gpu")
     with pytest.raises(trajopt.ArgumentError, match="rhs has shape"):
         factors.solve(np.zeros((2, 3)))
     with pytest.raises(trajopt.ArgumentError, match="NaN"):

@@ -22,23 +22,47 @@ struct PackTypes;  // spelled out: GCC ignores a vector_size that depends on a t
 #define TRAJOPT_PACK_TYPES(W)                                      \
   template <>                                                      \
   struct PackTypes<W> {                                            \
-    typedef double Vector __attribute__((vector_size(W * 8)));     \
-    typedef std::int64_t Mask __attribute__((vector_size(W * 8))); \
+    typedef double Vector __attribute__((vector_size((W)*8)));     \
+    typedef std::int64_t Mask __attribute__((vector_size((W)*8))); \
   }
 TRAJOPT_PACK_TYPES(2);
 TRAJOPT_PACK_TYPES(4);
 TRAJOPT_PACK_TYPES(8);
 #undef TRAJOPT_PACK_TYPES
 
+#if defined(__AVX512F__)
+// One bit a lane, as AVX-512 compares and blends; the narrower packs use full-width masks.
+struct Mask8 {
+  __mmask8 bits;
+};
+template <int W>
+using MaskOf = std::conditional_t<W == 8, Mask8, typename PackTypes<W>::Mask>;
+#else
+template <int W>
+using MaskOf = typename PackTypes<W>::Mask;
+#endif
+
 template <int W>
 struct Pack {
   using Vector = typename PackTypes<W>::Vector;
-  using Mask = typename PackTypes<W>::Mask;
+  using Mask = MaskOf<W>;
 
   Vector v;
 
   Pack() = default;
   Pack(double s) {  // NOLINT(google-explicit-constructor): scalars are constants of every lane
+#if defined(__AVX512F__)
+    if constexpr (W == 8) {
+      v = (Vector)_mm512_set1_pd(s);
+      return;
+    }
+#endif
+#if defined(__AVX2__)
+    if constexpr (W == 4) {
+      v = (Vector)_mm256_set1_pd(s);
+      return;
+    }
+#endif
     for (int i = 0; i < W; ++i) v[i] = s;
   }
   Pack(Vector x) : v(x) {}  // NOLINT(google-explicit-constructor)
@@ -54,8 +78,15 @@ struct Pack {
   Pack& operator+=(Pack b) { return v += b.v, *this; }
   Pack& operator-=(Pack b) { return v -= b.v, *this; }
   Pack& operator*=(Pack b) { return v *= b.v, *this; }
-  friend Mask operator<(Pack a, Pack b) { return a.v < b.v; }
-  friend Mask operator>(Pack a, Pack b) { return a.v > b.v; }
+  friend Mask operator<(Pack a, Pack b) {
+#if defined(__AVX512F__)
+    if constexpr (W == 8)
+      return {_mm512_cmp_pd_mask((__m512d)a.v, (__m512d)b.v, _CMP_LT_OQ)};
+    else
+#endif
+      return a.v < b.v;
+  }
+  friend Mask operator>(Pack a, Pack b) { return b < a; }
 };
 
 template <class S>
@@ -117,15 +148,33 @@ inline Pack<W> sqrt(Pack<W> a) {
 TRAJOPT_HD inline double select(bool m, double a, double b) { return m ? a : b; }
 template <int W>
 inline Pack<W> select(typename Pack<W>::Mask m, Pack<W> a, Pack<W> b) {
-  return m ? a.v : b.v;
+#if defined(__AVX512F__)
+  if constexpr (W == 8)
+    return Pack<W>(
+        (typename Pack<W>::Vector)_mm512_mask_blend_pd(m.bits, (__m512d)b.v, (__m512d)a.v));
+  else
+#endif
+    return m ? a.v : b.v;
 }
 
 TRAJOPT_HD inline bool any(bool m) { return m; }
 template <class Mask>
 requires(!std::is_arithmetic_v<Mask>) inline bool any(Mask m) {
-  std::int64_t r = 0;
-  for (unsigned i = 0; i < sizeof(Mask) / sizeof(std::int64_t); ++i) r |= m[i];
-  return r != 0;
+#if defined(__AVX512F__)
+  if constexpr (std::is_same_v<Mask, Mask8>)
+    return m.bits != 0;
+  else
+#endif
+#if defined(__AVX2__)
+      if constexpr (sizeof(Mask) == 32)
+    return _mm256_movemask_pd((__m256d)m) != 0;
+  else
+#endif
+  {
+    std::int64_t r = 0;
+    for (unsigned i = 0; i < sizeof(Mask) / sizeof(std::int64_t); ++i) r |= m[i];
+    return r != 0;
+  }
 }
 
 template <class S>

@@ -4,47 +4,53 @@
 #include <vector>
 
 #include "trajopt/base/buffer.h"
+#include "trajopt/base/isa.h"
 #include "trajopt/base/parallel.h"
-#include "trajopt/dynamics/residual.h"
+#include "trajopt/dynamics/batch_kernels.h"
+#include "trajopt/dynamics/kinematics.h"
+#include "trajopt/force/contact.h"
 
 namespace trajopt {
 
-namespace {
-
-StencilPack<double> scalar_stencil(const Stencil& s) {
-  StencilPack<double> r;
-  for (int q = 0; q < 3; ++q) {
-    r.acceleration[q] = s.acceleration[q];
-    r.contact[q] = s.contact[q];
-    for (int p = 0; p < 3; ++p) r.velocity[q][p] = s.velocity[q][p];
-  }
-  return r;
+namespace portable {
+extern const BatchKernels kBatchKernels;
 }
+#ifdef TRAJOPT_X86
+namespace avx2 {
+extern const BatchKernels kBatchKernels;
+}
+namespace avx512 {
+extern const BatchKernels kBatchKernels;
+}
+#endif
 
-}  // namespace
+const BatchKernels& batch_kernels() {
+#ifdef TRAJOPT_X86
+  switch (active_isa()) {
+    case Isa::avx512:
+      return avx512::kBatchKernels;
+    case Isa::avx2:
+      return avx2::kBatchKernels;
+    default:
+      break;
+  }
+#endif
+  return portable::kBatchKernels;
+}
 
 void dynamics_batch(const Model& model, const Physics& physics, const DynamicsBatch& b,
                     int threads) {
   const ModelView v = view(model);
-  const std::size_t scratch = DynamicsWorkspace<double>::bytes(v);
+  const BatchKernels& kernels = batch_kernels();
+  const long packs = (b.count + kernels.lanes - 1) / kernels.lanes;
+  const std::size_t scratch = kernels.scratch_bytes(v);
   std::vector<AlignedBuffer> memory;
   for (int k = 0; k < std::max(threads, 1); ++k) memory.push_back(aligned_buffer(scratch));
-  const long d = v.ndof;
-  parallel_for(b.count, threads, [&](long i, int worker) {
-    DynamicsWorkspace<double> ws(v, memory[worker].get());
-    const StencilPack<double> stencil =
-        scalar_stencil(make_stencil(physics, b.dt[i], b.dt_before[i]));
-    const double* nodes[3] = {b.x + i * d, b.x1 + i * d, b.x2 + i * d};
-    if (b.jacobians[0] != nullptr) {
-      double* js[3];
-      for (int q = 0; q < 3; ++q) js[q] = b.jacobians[q] + i * d * d;
-      dynamics_residual<double, Chart::vector, true>(v, physics, stencil, nodes, ws, b.fd + i * d,
-                                                     js);
-    } else {
-      double* none[3] = {nullptr, nullptr, nullptr};
-      dynamics_residual<double, Chart::vector, false>(v, physics, stencil, nodes, ws, b.fd + i * d,
-                                                      none);
-    }
+  parallel_for(packs, threads, [&](long pack, int worker) {
+    const long begin = pack * kernels.lanes;
+    kernels.run(v, physics, b, begin,
+                static_cast<int>(std::min<long>(kernels.lanes, b.count - begin)),
+                memory[worker].get());
   });
 }
 

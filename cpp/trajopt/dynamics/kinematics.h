@@ -36,49 +36,92 @@ TRAJOPT_HD inline Mat3<S> constant_rotation(const double* m) {
   return r;
 }
 
+// Where the joint stands before it moves.
+template <class S>
+TRAJOPT_HD inline Transform<S> joint_anchor(const Joint& joint, const Transform<S>* joints) {
+  Transform<S> t;
+  t.translation = broadcast3<S>(joint.offset + 9);
+  if (joint.parent < 0) {
+    t.rotation = constant_rotation<S>(joint.offset);
+    return t;
+  }
+  const Transform<S>& parent = joints[joint.parent];
+  t.translation = apply(parent, t.translation);
+  t.rotation = joint.plain ? parent.rotation : parent.rotation * constant_rotation<S>(joint.offset);
+  return t;
+}
+
+// r := r times the rotation by `angle` about the K-th axis: turns the two other columns.
+template <int K, class S>
+TRAJOPT_HD inline void turn_about(Mat3<S>& r, S angle) {
+  constexpr int I = (K + 1) % 3, J = (K + 2) % 3;
+  S s, c;
+  sincos(angle, s, c);
+  for (int k = 0; k < 3; ++k) {
+    const S i = r(k, I), j = r(k, J);
+    r(k, I) = fma(c, i, s * j);
+    r(k, J) = fma(c, j, -(s * i));
+  }
+}
+
+template <class S>
+TRAJOPT_HD inline void move_hinge(const Joint& joint, S angle, Transform<S>& t, Twist<S>& twist) {
+  switch (joint.aligned) {
+    case 0:
+      twist.w = t.rotation.column(0);
+      turn_about<0>(t.rotation, angle);
+      break;
+    case 1:
+      twist.w = t.rotation.column(1);
+      turn_about<1>(t.rotation, angle);
+      break;
+    case 2:
+      twist.w = t.rotation.column(2);
+      turn_about<2>(t.rotation, angle);
+      break;
+    default:
+      twist.w = t.rotation * broadcast3<S>(joint.axis);
+      t.rotation = t.rotation * axis_rotation(joint.axis, angle);
+  }
+  twist.v = cross(t.translation, twist.w);
+}
+
+template <class S, Chart C>
+TRAJOPT_HD inline void move_ball(const S* q, Transform<S>& t, Twist<S>* twist) {
+  const Mat3<S> before = t.rotation;
+  Mat3<S> directions = before;
+  if constexpr (C == Chart::vector) {
+    const Vec3<S> r{q[0], q[1], q[2]};
+    S quaternion[4];
+    quaternion_exp(r, quaternion);
+    t.rotation = before * quaternion_matrix(quaternion);
+    directions = before * left_jacobian(r);
+  } else {
+    t.rotation = before * quaternion_matrix(q);
+  }
+  for (int k = 0; k < 3; ++k) {
+    twist[k].w = directions.column(k);
+    twist[k].v = cross(t.translation, twist[k].w);
+  }
+}
+
 // q: nq entries for Chart::tangent, ndof entries (rotation vectors) for Chart::vector.
 template <class S, Chart C>
 TRAJOPT_HD inline void forward_kinematics(const ModelView& model, const S* q, Transform<S>* joints,
                                           Twist<S>* twists) {
   for (int j = 0; j < model.njoint; ++j) {
     const Joint& joint = model.joints[j];
-    Transform<S> t;
-    t.rotation = constant_rotation<S>(joint.offset);
-    t.translation = broadcast3<S>(joint.offset + 9);
-    if (joint.parent >= 0) {
-      const Transform<S>& parent = joints[joint.parent];
-      t.translation = apply(parent, t.translation);
-      t.rotation = parent.rotation * t.rotation;
-    }
+    Transform<S> t = joint_anchor(joint, joints);
     const S* qj = q + (C == Chart::vector ? joint.dof : joint.q);
     Twist<S>* twist = twists + joint.dof;
     if (joint.type == JointType::ball) {
-      const Mat3<S> before = t.rotation;
-      Mat3<S> directions = before;
-      if constexpr (C == Chart::vector) {
-        const Vec3<S> r{qj[0], qj[1], qj[2]};
-        S quaternion[4];
-        quaternion_exp(r, quaternion);
-        t.rotation = before * quaternion_matrix(quaternion);
-        directions = before * left_jacobian(r);
-      } else {
-        t.rotation = before * quaternion_matrix(qj);
-      }
-      for (int k = 0; k < 3; ++k) {
-        twist[k].w = directions.column(k);
-        twist[k].v = cross(t.translation, twist[k].w);
-      }
+      move_ball<S, C>(qj, t, twist);
+    } else if (joint.type == JointType::hinge) {
+      move_hinge(joint, qj[0], t, *twist);
     } else {
       const Vec3<S> axis = t.rotation * broadcast3<S>(joint.axis);
-      if (joint.type == JointType::hinge) {
-        twist->w = axis;
-        twist->v = cross(t.translation, axis);
-        t.rotation = t.rotation * axis_rotation(joint.axis, qj[0]);
-      } else {
-        twist->w = {S(0.0), S(0.0), S(0.0)};
-        twist->v = axis;
-        t.translation = fma(qj[0], axis, t.translation);
-      }
+      *twist = {{S(0.0), S(0.0), S(0.0)}, axis};
+      t.translation = fma(qj[0], axis, t.translation);
     }
     joints[j] = t;
   }

@@ -7,12 +7,13 @@
 
 namespace trajopt::inline TRAJOPT_ISA {
 
-// Sum over a subtree, tested at the inertia node a: second[q] = integral of rho P_q P_a^T,
-// first[q] = mass times centre of mass at node q.
 template <class S>
-struct Composite {
-  Mat3<S> second[3];
-  Vec3<S> first[3];
+struct ThreeMats {  // one for each node
+  Mat3<S> q[3];
+};
+template <class S>
+struct ThreeVecs {
+  Vec3<S> q[3];
 };
 
 // Sum of forces on a subtree at one node: moment = sum f P^T, force = sum f.
@@ -22,44 +23,51 @@ struct Wrench {
   Vec3<S> force;
 };
 
-// Derivative of a subtree's contact wrench tested at node t with respect to the motion of node q:
-// the 6x6 matrix sum W_t^T A W_q with W = [-[P]x, I], as four 3x3 blocks.
-template <class S>
-struct Stiffness {
-  Mat3<S> ww, wv, vw, vv;
-};
-
 template <class S>
 struct DynamicsWorkspace {
   Transform<S>* joints[3];
   Twist<S>* twists[3];
-  Composite<S>* composites;   // per joint
-  Wrench<S>* wrenches[3];     // per joint: contact and self collision, by test node
-  Stiffness<S>* stiffness;    // per joint, 9: t * 3 + q
+  // Sums over the subtree of each joint: second[q] = integral of rho P_q P_a^T (a: the inertia
+  // node), first[q] = mass times centre of mass at node q. `second` is used up while the inward
+  // sweep passes: slot[j] tells which entry holds joint j's, -1 when nothing has been added yet.
+  ThreeMats<S>* second;
+  ThreeVecs<S>* first;
+  Wrench<S>* wrenches[3];     // per joint and test node; valid where touched
+  S* directions;              // dP_q/dx of one contact point: 3 nodes x 3 rows x chain
+  S* tested;                  // the same, multiplied by the point's stiffness
   Vec3<S>* spheres;           // centres at the inertia node, for self collision
+  int* slot;                  // per joint
+  int* chain;                 // dofs that move a point
   unsigned char* touched[3];  // per joint: does any lane's subtree feel a force at this node?
+  bool coupled;               // do spheres overlap: are there forces between branches?
 
   TRAJOPT_HD static std::size_t bytes(const ModelView& m) {
     const std::size_t j = m.njoint, d = m.ndof;
+    const std::size_t small = j * sizeof(int) + d * sizeof(int) + 3 * j;
     return 3 * (j * sizeof(Transform<S>) + d * sizeof(Twist<S>) + j * sizeof(Wrench<S>)) +
-           j * (sizeof(Composite<S>) + 9 * sizeof(Stiffness<S>)) + m.nsphere * sizeof(Vec3<S>) +
-           ((3 * j + 63) / 64) * 64;
+           j * (sizeof(ThreeMats<S>) + sizeof(ThreeVecs<S>)) + 18 * d * sizeof(S) +
+           m.nsphere * sizeof(Vec3<S>) + (small + 63) / 64 * 64;
   }
 
-  TRAJOPT_HD DynamicsWorkspace(const ModelView& m, void* memory) {
+  TRAJOPT_HD DynamicsWorkspace(const ModelView& m, void* memory) : coupled(false) {
     char* p = static_cast<char*>(memory);
     const auto take = [&p]<class T>(T*& pointer, std::size_t count) {
       pointer = reinterpret_cast<T*>(p);
       p += count * sizeof(T);
     };
+    const std::size_t d = m.ndof;
     for (int k = 0; k < 3; ++k) {
       take(joints[k], m.njoint);
-      take(twists[k], m.ndof);
+      take(twists[k], d);
       take(wrenches[k], m.njoint);
     }
-    take(composites, m.njoint);
-    take(stiffness, 9 * static_cast<std::size_t>(m.njoint));
+    take(second, m.njoint);
+    take(first, m.njoint);
+    take(directions, 9 * d);
+    take(tested, 9 * d);
     take(spheres, m.nsphere);
+    take(slot, m.njoint);
+    take(chain, d);
     for (int k = 0; k < 3; ++k) take(touched[k], m.njoint);
   }
 };

@@ -3,7 +3,7 @@
 // Pan prints both potentials with min(., 0)^3, which attracts; here E = w max(excess, 0)^3.
 #pragma once
 
-#include "trajopt/dynamics/workspace.h"
+#include "trajopt/dynamics/composites.h"
 #include "trajopt/force/physics.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
@@ -45,9 +45,41 @@ TRAJOPT_HD inline bool sphere_overlap(const ModelView& model, const SpherePair& 
   return true;
 }
 
+// J_r^T [E'' u u^T + (E'/L)(I - u u^T)] J_r with J_r = dP_a/dx - dP_b/dx: couples branches.
 template <class S>
-TRAJOPT_HD inline void add_self_collision_wrenches(const ModelView& model, const Physics& physics,
-                                                   int a, DynamicsWorkspace<S>& ws) {
+TRAJOPT_HD inline void add_overlap_stiffness(const ModelView& model, const Physics& physics,
+                                             const SpherePair& pair, const Overlap<S>& o,
+                                             const Twist<S>* twists, const Vec3<S>* centers,
+                                             S* jacobian) {
+  const auto last_dof = [&](int joint) {
+    return model.joints[joint].dof + (model.joints[joint].type == JointType::ball ? 2 : 0);
+  };
+  const S w = S(physics.self_collision);
+  const S slope_over_length = S(-3.0) * w * o.depth * o.depth / o.distance;
+  const S along = S(6.0) * w * o.depth - slope_over_length;
+  // sign * dP/dx_j for j on either chain; on the shared part both contribute.
+  const auto row = [&](int end, int j) {
+    return end == 0 ? point_velocity(twists[j], centers[pair.a])
+                    : S(-1.0) * point_velocity(twists[j], centers[pair.b]);
+  };
+  const int start[2] = {last_dof(model.spheres[pair.a].joint),
+                        last_dof(model.spheres[pair.b].joint)};
+  for (int e = 0; e < 2; ++e) {
+    for (int j = start[e]; j >= 0; j = model.dof_parent[j]) {
+      const Vec3<S> rj = row(e, j);
+      const Vec3<S> t = fma(along * dot(o.direction, rj), o.direction, slope_over_length * rj);
+      for (int f = 0; f < 2; ++f)
+        for (int l = start[f]; l >= 0; l = model.dof_parent[l])
+          jacobian[j * model.ndof + l] += dot(t, row(f, l));
+    }
+  }
+}
+
+// Wrenches at the inertia node a and their derivative; returns whether any spheres overlap.
+template <class S, bool Derivatives>
+TRAJOPT_HD inline bool add_self_collision(const ModelView& model, const Physics& physics, int a,
+                                          DynamicsWorkspace<S>& ws, S* jacobian) {
+  bool found = false;
   for (int k = 0; k < model.nsphere; ++k) {
     ws.spheres[k] =
         apply(ws.joints[a][model.spheres[k].joint], broadcast3<S>(model.spheres[k].position));
@@ -56,51 +88,14 @@ TRAJOPT_HD inline void add_self_collision_wrenches(const ModelView& model, const
     const SpherePair& pair = model.pairs[k];
     Overlap<S> o;
     if (!sphere_overlap(model, pair, ws.spheres, o)) continue;
-    const int ja = model.spheres[pair.a].joint, jb = model.spheres[pair.b].joint;
+    found = true;
     const S slope = S(-3.0 * physics.self_collision) * o.depth * o.depth;  // dE/d distance
-    Wrench<S>& wa = ws.wrenches[a][ja];
-    Wrench<S>& wb = ws.wrenches[a][jb];
-    wa.force = fma(slope, o.direction, wa.force);
-    add_outer(wa.moment, slope, o.direction, ws.spheres[pair.a]);
-    wb.force = fma(-slope, o.direction, wb.force);
-    add_outer(wb.moment, -slope, o.direction, ws.spheres[pair.b]);
-    ws.touched[a][ja] = ws.touched[a][jb] = 1;
+    add_force(ws, a, model.spheres[pair.a].joint, slope, o.direction, ws.spheres[pair.a]);
+    add_force(ws, a, model.spheres[pair.b].joint, -slope, o.direction, ws.spheres[pair.b]);
+    if constexpr (Derivatives)
+      add_overlap_stiffness(model, physics, pair, o, ws.twists[a], ws.spheres, jacobian);
   }
-}
-
-// J_r^T [E'' u u^T + (E'/L)(I - u u^T)] J_r with J_r = dP_a/dx - dP_b/dx: couples branches.
-template <class S>
-TRAJOPT_HD inline void add_self_collision_stiffness(const ModelView& model, const Physics& physics,
-                                                    int node, const DynamicsWorkspace<S>& ws,
-                                                    S* jacobian) {
-  const Twist<S>* twists = ws.twists[node];
-  const auto last_dof = [&](int joint) {
-    return model.joints[joint].dof + model.joints[joint].ndof() - 1;
-  };
-  for (int k = 0; k < model.npair; ++k) {
-    const SpherePair& pair = model.pairs[k];
-    Overlap<S> o;
-    if (!sphere_overlap(model, pair, ws.spheres, o)) continue;
-    const S w = S(physics.self_collision);
-    const S slope_over_length = S(-3.0) * w * o.depth * o.depth / o.distance;
-    const S along = S(6.0) * w * o.depth - slope_over_length;
-    // sign * dP/dx_j for j on either chain; on the shared part both contribute.
-    const auto row = [&](int end, int j) {
-      return end == 0 ? point_velocity(twists[j], ws.spheres[pair.a])
-                      : S(-1.0) * point_velocity(twists[j], ws.spheres[pair.b]);
-    };
-    const int start[2] = {last_dof(model.spheres[pair.a].joint),
-                          last_dof(model.spheres[pair.b].joint)};
-    for (int e = 0; e < 2; ++e) {
-      for (int j = start[e]; j >= 0; j = model.dof_parent[j]) {
-        const Vec3<S> rj = row(e, j);
-        const Vec3<S> t = fma(along * dot(o.direction, rj), o.direction, slope_over_length * rj);
-        for (int f = 0; f < 2; ++f)
-          for (int l = start[f]; l >= 0; l = model.dof_parent[l])
-            jacobian[j * model.ndof + l] += dot(t, row(f, l));
-      }
-    }
-  }
+  return found;
 }
 
 }  // namespace trajopt::inline TRAJOPT_ISA

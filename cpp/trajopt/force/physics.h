@@ -1,6 +1,8 @@
 // The force law and the time scheme as plain numbers, in whatever consistent units the model has.
 #pragma once
 
+#include "trajopt/base/hd.h"
+
 namespace trajopt {
 
 enum class Integrator : int { implicit = 0, verlet, fox_goodwin, linear_acceleration, trapezoidal };
@@ -25,7 +27,7 @@ struct Physics {
   double self_collision = 0;
   Integrator integrator = Integrator::linear_acceleration;
 
-  bool contact() const { return ground && normal > 0; }
+  TRAJOPT_HD bool contact() const { return ground && normal > 0; }
 };
 
 // Nodes of a residual are frames i, i-1, i-2 (0, 1, 2). Everything that varies with the time step:
@@ -38,7 +40,7 @@ struct Stencil {
 };
 
 // The node whose directions test inertia and internal forces: i for Pan's scheme, else i-1.
-inline int inertia_node(Integrator integrator) {
+TRAJOPT_HD inline int inertia_node(Integrator integrator) {
   return integrator == Integrator::implicit ? 0 : 1;
 }
 

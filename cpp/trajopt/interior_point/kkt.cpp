@@ -83,7 +83,7 @@ void Kkt::add_copy(const ScaledProblem::Terms& t, int k, bool with_hessian) {
   const double* m = local.hessian.data();
   if (rows > 0) {
     kernels_.update(t.locals, t.locals, rows, m, ld, local.share.data(), ld, local.jacobian.data(),
-                    local.weighted.data(), ld, true);
+                    ld, local.weighted.data(), ld, true);
     m = local.share.data();
   }
   const int seen = part.span * size_, first = t.first_node + k;

@@ -35,12 +35,12 @@ void SymmetricBlockTridiagonal::subtract_product(int item, const double* x, doub
     const double* xi = x + i * size * ldx;
     double* yi = y + i * size * ldy;
     if (i > 0) {
-      kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy);
+      kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy, 0);
     }
     kernels.subtract_symmetric(size, diagonal(i, item), size, xi, yi, m, ldx, ldy);
     if (i + 1 < blocks_) {
       kernels.subtract_transposed(size, size, lower(i, item), size, xi + size * ldx, yi, m, ldx,
-                                  ldy);
+                                  ldy, 0);
     }
   });
 }

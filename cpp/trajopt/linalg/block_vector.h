@@ -1,201 +1,156 @@
-// Block times vectors: triangular substitution and products with size x m right-hand sides.
+// Block times one vector: triangular substitution and products, vectorized over the rows of the
+// result, transposing in registers where the matrix is read along its rows. block_columns.h has the
+// same for several columns at once; each element sees the same chain of operations in both.
 //
-// With several columns the columns are the vector lanes. A single column is vectorized over the
-// rows of the result instead, transposing in registers where the matrix is read along its rows;
-// each element still sees the same chain of operations, so a column's bits do not depend on how
-// many others are solved with it.
+// `ahead` is how far away from what is read memory is asked for: a solution reads the factors once
+// from one end to the other and back, and waits for nothing else.
 #pragma once
 
+#include "trajopt/linalg/block_kernels.h"
 #include "trajopt/linalg/tile.h"
 
 namespace trajopt::linalg::inline TRAJOPT_ISA {
 
-// One column -----------------------------------------------------------------------------------
-
 // y[0..columns) -= Vt x for `rows` rows of V, the last one first.
-inline void subtract_transposed_one(int rows, int columns, const double* v, long ld,
-                                    const double* x, double* y) {
-  constexpr int kMost = 8;
+template <class T>
+inline void subtract_transposed_one(int rows, int columns, const T* v, long ld, const T* x, T* y,
+                                    long ahead) {
+  constexpr int kMost = 8, W = kWidth<T>;
   for (int c = 0; c < columns;) {
-    const int nv = vectors(columns - c) < kMost ? vectors(columns - c) : kMost;
-    const int tail = columns - c < nv * kWidth ? columns - c - (nv - 1) * kWidth : kWidth;
+    const int left = vectors<T>(columns - c), nv = left < kMost ? left : kMost;
+    const int tail = columns - c < nv * W ? columns - c - (nv - 1) * W : W;
     with_constant<kMost>(nv, [&]<int NV>() {
-      Vector a[NV];
+      Vec<T> a[NV];
 #pragma GCC unroll 8
       for (int i = 0; i < NV; ++i) {
-        a[i] = i == NV - 1 ? load(y + c + i * kWidth, tail) : load(y + c + i * kWidth);
+        a[i] = i == NV - 1 ? load(y + c + i * W, tail) : load(y + c + i * W);
       }
       for (int k = rows - 1; k >= 0; --k) {
-        const Vector s = broadcast(x[k]);
+        const Vec<T> s = broadcast(x[k]);
+        const T* row = v + k * ld + c;
 #pragma GCC unroll 8
-        for (int i = 0; i < NV; ++i) a[i] = fnma(s, load(v + k * ld + c + i * kWidth), a[i]);
+        for (int i = 0; i < NV; ++i) {
+          if (i * W % kLine<T> == 0) prefetch(row + i * W + ahead);
+          a[i] = fnma(s, load(row + i * W), a[i]);
+        }
       }
 #pragma GCC unroll 8
       for (int i = 0; i < NV; ++i) {
         if (i == NV - 1) {
-          store(y + c + i * kWidth, a[i], tail);
+          store(y + c + i * W, a[i], tail);
         } else {
-          store(y + c + i * kWidth, a[i]);
+          store(y + c + i * W, a[i]);
         }
       }
     });
-    c += nv * kWidth;
+    c += nv * W;
   }
+}
+
+// a -= the W rows from `square` on, times x[0..W): its columns in ascending order.
+template <class T>
+TRAJOPT_ALWAYS_INLINE void subtract_square(const T* square, long ld, const T* x, long ahead,
+                                           Vec<T>& a) {
+  constexpr int W = kWidth<T>;
+  Vec<T> t[W];
+#pragma GCC unroll 16
+  for (int r = 0; r < W; ++r) {
+    prefetch(square + r * ld + ahead);
+    t[r] = load(square + r * ld);
+  }
+  transpose(t);
+#pragma GCC unroll 16
+  for (int j = 0; j < W; ++j) a = fnma(broadcast(x[j]), t[j], a);
 }
 
 // y[0..rows) -= V x for `columns` columns of V, the first one first.
-inline void subtract_one(int rows, int columns, const double* v, long ld, const double* x,
-                         double* y) {
-  for (int r0 = 0; r0 < rows; r0 += kWidth) {
-    const int height = rows - r0 < kWidth ? rows - r0 : kWidth;
-    const double* row[kWidth];
-    for (int r = 0; r < kWidth; ++r) row[r] = v + (r0 + (r < height ? r : height - 1)) * ld;
-    Vector a = load(y + r0, height);
-    int c = 0;
-    for (; c + kWidth <= columns; c += kWidth) {
-      Vector t[kWidth];
-#pragma GCC unroll 8
-      for (int r = 0; r < kWidth; ++r) t[r] = load(row[r] + c);
-      transpose(t);
-#pragma GCC unroll 8
-      for (int j = 0; j < kWidth; ++j) a = fnma(broadcast(x[c + j]), t[j], a);
+template <class T>
+inline void subtract_one(int rows, int columns, const T* v, long ld, const T* x, T* y, long ahead) {
+  constexpr int W = kWidth<T>;
+  const int whole = rows / W * W, whole_columns = columns / W * W;
+  for (int r0 = 0; r0 < whole; r0 += W) {
+    Vec<T> a = load(y + r0);
+    for (int c = 0; c < whole_columns; c += W) {
+      subtract_square(v + r0 * ld + c, ld, x + c, ahead, a);
     }
-    store(y + r0, a, height);
-    for (; c < columns; ++c) {
-      for (int r = 0; r < height; ++r) y[r0 + r] = fnma(x[c], row[r][c], y[r0 + r]);
-    }
+    store(y + r0, a);
+  }
+  for (int r = 0; r < rows; ++r) {
+    const T* row = v + r * ld;
+    T a = y[r];
+    for (int c = r < whole ? whole_columns : 0; c < columns; ++c) a = fnma(x[c], row[c], a);
+    y[r] = a;
   }
 }
 
-inline void substitute_transposed_one(int size, const double* w, long ld, double* x) {
-  for (int k0 = (size - 1) / kWidth * kWidth; k0 >= 0; k0 -= kWidth) {
-    const int height = size - k0 < kWidth ? size - k0 : kWidth;
-    const double* panel = w + k0 * ld;
-    for (int r = height - 1; r > 0; --r) {
-      for (int s = 0; s < r; ++s) x[k0 + s] = fnma(panel[r * ld + k0 + s], x[k0 + r], x[k0 + s]);
+// Panels of W columns of the packed W, the last one first.
+template <class T>
+inline void substitute_transposed_one(int size, const T* packed, T* x, long ahead) {
+  constexpr int W = kWidth<T>, L = kLine<T>;
+  for (int c = (size - 1) / W * W; c >= 0; c -= W) {
+    const int height = size - c < W ? size - c : W;
+    const T* corner = packed + PackedTriangle<T>::at(size, c, c);
+    Vec<T> a = load(x + c, height);
+    for (int k = size - 1; k >= c + W; --k) {
+      const T* row = corner + (k - c) * static_cast<long>(L);
+      prefetch(row + ahead);
+      a = fnma(broadcast(x[k]), load(row), a);
     }
-    subtract_transposed_one(height, k0, panel, ld, x + k0, x);
+#pragma GCC unroll 16
+    for (int r = W - 1; r > 0; --r) {
+      prefetch(corner + r * L + ahead);
+      if (r < height) a = fnma_first(r, broadcast_lane(a, r), load(corner + r * L), a);
+    }
+    prefetch(corner + ahead);
+    store(x + c, a, height);
   }
 }
 
-inline void substitute_one(int size, const double* w, long ld, double* x) {
-  for (int k0 = 0; k0 < size; k0 += kWidth) {
-    const int height = size - k0 < kWidth ? size - k0 : kWidth;
-    const double* panel = w + k0 * ld;
-    subtract_one(height, k0, panel, ld, x, x + k0);
-    for (int s = 0; s + 1 < height; ++s) {
-      for (int r = s + 1; r < height; ++r) {
-        x[k0 + r] = fnma(panel[r * ld + k0 + s], x[k0 + s], x[k0 + r]);
-      }
+template <class T>
+inline void substitute_one(int size, const T* packed, T* x, long ahead) {
+  constexpr int W = kWidth<T>, L = kLine<T>;
+  for (int r0 = 0; r0 < size; r0 += W) {
+    const int height = size - r0 < W ? size - r0 : W;
+    Vec<T> a = load(x + r0, height);
+    for (int c = 0; c < r0; c += W) {
+      subtract_square(packed + PackedTriangle<T>::at(size, r0, c), L, x + c, ahead, a);
     }
+    const T* corner = packed + PackedTriangle<T>::at(size, r0, r0);
+    Vec<T> t[W];
+#pragma GCC unroll 16
+    for (int r = 0; r < W; ++r) {
+      prefetch(corner + r * L + ahead);
+      t[r] = load(corner + r * L);
+    }
+    transpose(t);
+#pragma GCC unroll 16
+    for (int s = 0; s + 1 < W; ++s) {
+      if (s + 1 < height) a = fnma_from(s + 1, broadcast_lane(a, s), t[s], a);
+    }
+    store(x + r0, a, height);
   }
 }
 
-inline void subtract_symmetric_one(int size, const double* a, long ld, const double* x, double* y) {
-  for (int k0 = 0; k0 < size; k0 += kWidth) {
-    const int height = size - k0 < kWidth ? size - k0 : kWidth;
-    const double* panel = a + k0 * ld;
-    subtract_one(height, k0, panel, ld, x, y + k0);
+template <class T>
+inline void subtract_symmetric_one(int size, const T* a, long ld, const T* x, T* y) {
+  constexpr int W = kWidth<T>;
+  for (int k0 = 0; k0 < size; k0 += W) {
+    const int height = size - k0 < W ? size - k0 : W;
+    const T* panel = a + k0 * ld;
+    subtract_one(height, k0, panel, ld, x, y + k0, 0);
     for (int j = 0; j < height; ++j) {
       for (int r = 0; r < height; ++r) {
-        const double s = j >= r ? panel[j * ld + k0 + r] : panel[r * ld + k0 + j];
+        const T s = j >= r ? panel[j * ld + k0 + r] : panel[r * ld + k0 + j];
         y[k0 + r] = fnma(s, x[k0 + j], y[k0 + r]);
       }
     }
     // The rows below, whose first columns are this panel's, come in ascending order.
-    Vector acc = load(y + k0, height);
+    Vec<T> acc = load(y + k0, height);
     for (int j = k0 + height; j < size; ++j) {
       acc = fnma(broadcast(x[j]), load(a + j * ld + k0), acc);
     }
     store(y + k0, acc, height);
   }
-}
-
-// Several columns ------------------------------------------------------------------------------
-
-// Applies body<MR, NV>(first row, first column, columns of the last vector) to tiles of a
-// size x m matrix, panels of rows in descending or ascending order.
-template <bool Descending, class Body>
-inline void for_tiles(int size, int m, const Body& body) {
-  for (int c = 0; c < m; c += kTileColumns) {
-    const int columns = m - c < kTileColumns ? m - c : kTileColumns;
-    const int tail = columns - (vectors(columns) - 1) * kWidth;
-    with_constant<kTileVectors>(vectors(columns), [&]<int NV>() {
-      for (int done = 0; done < size;) {
-        const int height = next_panel(size - done);
-        with_constant<kTileRows>(height, [&]<int MR>() {
-          body.template operator()<MR, NV>(Descending ? size - done - MR : done, c, tail);
-        });
-        done += height;
-      }
-    });
-  }
-}
-
-inline void substitute_transposed(int size, const double* w, long ld, double* x, int m, long ldx) {
-  if (m == 1 && ldx == 1) return substitute_transposed_one(size, w, ld, x);
-  for_tiles<true>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
-    Tile<MR, NV> tile;
-    tile.template read<true>(x + k0 * ldx + c, ldx, tail);
-    tile.template subtract<true>(size - k0 - MR, {w + (size - 1) * ld + k0, -ld, 1},
-                                 x + (size - 1) * ldx + c, -ldx, tail);
-    tile.substitute_transposed(w + k0 * ld + k0, ld);
-    tile.template write<true>(x + k0 * ldx + c, ldx, tail);
-  });
-}
-
-inline void substitute(int size, const double* w, long ld, double* x, int m, long ldx) {
-  if (m == 1 && ldx == 1) return substitute_one(size, w, ld, x);
-  for_tiles<false>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
-    Tile<MR, NV> tile;
-    tile.template read<true>(x + k0 * ldx + c, ldx, tail);
-    tile.template subtract<true>(k0, {w + k0 * ld, 1, ld}, x + c, ldx, tail);
-    tile.substitute(w + k0 * ld + k0, ld);
-    tile.template write<true>(x + k0 * ldx + c, ldx, tail);
-  });
-}
-
-inline void subtract_transposed(int rows, int columns, const double* v, long ld, const double* x,
-                                double* y, int m, long ldx, long ldy) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_transposed_one(rows, columns, v, ld, x, y);
-  for_tiles<false>(columns, m, [&]<int MR, int NV>(int k0, int c, int tail) {
-    Tile<MR, NV> tile;
-    tile.template read<true>(y + k0 * ldy + c, ldy, tail);
-    tile.template subtract<true>(rows, {v + (rows - 1) * ld + k0, -ld, 1}, x + (rows - 1) * ldx + c,
-                                 -ldx, tail);
-    tile.template write<true>(y + k0 * ldy + c, ldy, tail);
-  });
-}
-
-inline void subtract(int rows, int columns, const double* v, long ld, const double* x, double* y,
-                     int m, long ldx, long ldy) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_one(rows, columns, v, ld, x, y);
-  for_tiles<false>(rows, m, [&]<int MR, int NV>(int k0, int c, int tail) {
-    Tile<MR, NV> tile;
-    tile.template read<true>(y + k0 * ldy + c, ldy, tail);
-    tile.template subtract<true>(columns, {v + k0 * ld, 1, ld}, x + c, ldx, tail);
-    tile.template write<true>(y + k0 * ldy + c, ldy, tail);
-  });
-}
-
-inline void subtract_symmetric(int size, const double* a, long ld, const double* x, double* y,
-                               int m, long ldx, long ldy) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_symmetric_one(size, a, ld, x, y);
-  for_tiles<false>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
-    double panel[MR * MR];  // the block on the diagonal, both triangles
-    for (int j = 0; j < MR; ++j) {
-      for (int r = 0; r < MR; ++r) {
-        panel[j * MR + r] = j >= r ? a[(k0 + j) * ld + k0 + r] : a[(k0 + r) * ld + k0 + j];
-      }
-    }
-    Tile<MR, NV> tile;
-    tile.template read<true>(y + k0 * ldy + c, ldy, tail);
-    tile.template subtract<true>(k0, {a + k0 * ld, 1, ld}, x + c, ldx, tail);
-    tile.template subtract<true>(MR, {panel, MR, 1}, x + k0 * ldx + c, ldx, tail);
-    tile.template subtract<true>(size - k0 - MR, {a + (k0 + MR) * ld + k0, ld, 1},
-                                 x + (k0 + MR) * ldx + c, ldx, tail);
-    tile.template write<true>(y + k0 * ldy + c, ldy, tail);
-  });
 }
 
 }  // namespace trajopt::linalg::inline TRAJOPT_ISA

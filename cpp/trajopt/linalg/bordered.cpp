@@ -23,6 +23,7 @@ BorderedFactorization::BorderedFactorization(int blocks, int size, int border, O
   z_ = BlockBuffer(rows() * columns_);
   f_ = BlockBuffer(static_cast<std::size_t>(border) * border);
   schur_ = BlockBuffer(border * ld_);
+  packed_ = BlockBuffer(PackedTriangle<double>::length(border));
   unscaled_ = BlockBuffer(border * ld_);
   inverse_ = BlockBuffer(border);
   residual_ = BlockBuffer(rows() + border);
@@ -42,7 +43,7 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
   std::copy_n(e_.data(), e_.size(), z_.data());
   inner_.solve(z_.data(), static_cast<int>(columns_), threads);
   kernels_->update(border_, border_, static_cast<int>(rows()), f_.data(), border_, schur_.data(),
-                   ld_, e_.data(), z_.data(), columns_, true);
+                   ld_, e_.data(), columns_, z_.data(), columns_, true);
   Elimination s;
   s.size = border_;
   s.ld = ld_;
@@ -64,6 +65,7 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
                   regularization);
     throw FactorizationError(text, blocks(), pivot.row);
   }
+  kernels_->pack(border_, schur_.data(), ld_, packed_.data());
   factored_ = true;
 }
 
@@ -72,15 +74,15 @@ void BorderedFactorization::solve(double* z, double* y, int m, int threads) cons
   if (m < 1) return;
   inner_.solve(z, m, threads);
   kernels_->subtract_transposed(static_cast<int>(rows()), border_, e_.data(), columns_, z, y, m, m,
-                                m);
-  kernels_->substitute_transposed(border_, schur_.data(), ld_, y, m, m);
+                                m, 0);
+  kernels_->substitute_transposed(border_, packed_.data(), y, m, m, 0);
   for (int i = 0; i < border_; ++i) {
     for (int j = 0; j < m; ++j) y[static_cast<long>(i) * m + j] *= inverse_.data()[i];
   }
-  kernels_->substitute(border_, schur_.data(), ld_, y, m, m);
+  kernels_->substitute(border_, packed_.data(), y, m, m, 0);
   parallel_for(blocks(), threads, [&](long i, int) {
     kernels_->subtract(size(), border_, z_.data() + i * size() * columns_, columns_, y,
-                       z + i * size() * m, m, m, m);
+                       z + i * size() * m, m, m, m, 0);
   });
 }
 
@@ -99,8 +101,8 @@ Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, con
     std::copy_n(rhs_z, rows(), r_z);
     std::copy_n(rhs_y, border_, r_y);
     k.subtract_product(0, z, r_z, 1, 1, 1, threads);
-    kernels_->subtract(all, border_, e_.data(), columns_, y, r_z, 1, 1, 1);
-    kernels_->subtract_transposed(all, border_, e_.data(), columns_, z, r_y, 1, 1, 1);
+    kernels_->subtract(all, border_, e_.data(), columns_, y, r_z, 1, 1, 1, 0);
+    kernels_->subtract_transposed(all, border_, e_.data(), columns_, z, r_y, 1, 1, 1, 0);
     kernels_->subtract_symmetric(border_, f_.data(), border_, y, r_y, 1, 1, 1);
     return std::max(largest_magnitude(r_z, rows(), 1, 1), largest_magnitude(r_y, border_, 1, 1)) /
            scale;

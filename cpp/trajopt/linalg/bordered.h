@@ -44,7 +44,7 @@ class BorderedFactorization {
   const BlockKernels* kernels_;
   BlockBuffer e_, z_;  // E and K^-1 E, rows x columns_
   BlockBuffer f_;      // F, border x border
-  BlockBuffer schur_, unscaled_, inverse_;
+  BlockBuffer schur_, packed_, unscaled_, inverse_;
   BlockBuffer residual_, saved_;  // of refine()
   bool factored_ = false;
 };

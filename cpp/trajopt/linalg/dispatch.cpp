@@ -2,19 +2,22 @@
 
 namespace trajopt::linalg {
 
-namespace portable {
-extern const BlockKernels kBlockKernels;
-}
+#define TRAJOPT_LINALG_TABLES(isa)                       \
+  namespace isa {                                        \
+  extern const BasicBlockKernels<double> kBlockKernels;  \
+  extern const BasicBlockKernels<float> kBlockKernels32; \
+  }
+
+TRAJOPT_LINALG_TABLES(portable)
 #ifdef TRAJOPT_X86
-namespace avx2 {
-extern const BlockKernels kBlockKernels;
-}
-namespace avx512 {
-extern const BlockKernels kBlockKernels;
-}
+TRAJOPT_LINALG_TABLES(avx2)
+TRAJOPT_LINALG_TABLES(avx512)
 #endif
 
-const BlockKernels& block_kernels(Isa isa) {
+#undef TRAJOPT_LINALG_TABLES
+
+template <>
+const BasicBlockKernels<double>& block_kernels<double>(Isa isa) {
   if (active_isa() < isa) isa = active_isa();
   switch (isa) {
 #ifdef TRAJOPT_X86
@@ -25,6 +28,21 @@ const BlockKernels& block_kernels(Isa isa) {
 #endif
     default:
       return portable::kBlockKernels;
+  }
+}
+
+template <>
+const BasicBlockKernels<float>& block_kernels<float>(Isa isa) {
+  if (active_isa() < isa) isa = active_isa();
+  switch (isa) {
+#ifdef TRAJOPT_X86
+    case Isa::avx512:
+      return avx512::kBlockKernels32;
+    case Isa::avx2:
+      return avx2::kBlockKernels32;
+#endif
+    default:
+      return portable::kBlockKernels32;
   }
 }
 

@@ -4,24 +4,31 @@
 // that succeeds has verified the inertia.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "trajopt/base/isa.h"
 #include "trajopt/linalg/block_buffer.h"
-#include "trajopt/linalg/block_kernels.h"
 #include "trajopt/linalg/block_tridiagonal.h"
+#include "trajopt/linalg/factors.h"
 #include "trajopt/linalg/refinement.h"
 #include "trajopt/linalg/schedule.h"
 
 namespace trajopt::linalg {
 
+// Scalar type of the factors. The matrix, right-hand sides and residuals are float64 in any case,
+// so refine() recovers full accuracy from float32 factors of a matrix they can represent.
+enum class Precision { float64, float32 };
+
+const char* precision_name(Precision precision);
+
 class Factorization {
  public:
-  // Allocates everything factor(), solve() and refine() need.
+  // Allocates everything factor(), solve() and refine() need; throws MemoryError.
   //   chunks   sweeps of Ordering::chunked; 2 costs no more than the sequential sweep
   //   isa      instruction set of the kernels; lowered to what the machine has
   Factorization(int blocks, int size, Ordering ordering = Ordering::automatic, int chunks = 2,
-                int batch = 1, Isa isa = Isa::avx512);
+                int batch = 1, Isa isa = Isa::avx512, Precision precision = Precision::float64);
 
   // Factors A + regularization * diag(signs).
   //   signs    (batch, blocks * size) of +1 and -1, nullptr: all +1
@@ -31,6 +38,7 @@ class Factorization {
               double regularization = 0.0, int threads = 1);
 
   // Solves in place; rhs is (batch, blocks * size, m), row-major. solve_item takes one problem.
+  // float32 factors solve in float32: refine afterwards.
   void solve(double* rhs, int m = 1, int threads = 1) const;
   void solve_item(int item, double* rhs, int m, int threads = 1) const;
 
@@ -43,44 +51,26 @@ class Factorization {
   int blocks() const { return blocks_; }
   int size() const { return size_; }
   int batch() const { return batch_; }
-  Ordering ordering() const { return schedule_.ordering; }  // never automatic
+  Ordering ordering() const { return schedule_->ordering; }  // never automatic
+  Precision precision() const { return double_ ? Precision::float64 : Precision::float32; }
   bool factored() const { return factored_; }
 
  private:
-  static constexpr int kRefineColumns = 8;  // refined at a time
+  static constexpr int kColumnsAtOnce = 8;  // refined, or converted to float32 and back
 
-  struct Failure {
-    int block = -1;  // -1: none
-    Pivot pivot;
-  };
-
-  Failure factor_item(const SymmetricBlockTridiagonal& a, int item, const signed char* signs,
-                      double regularization, int threads, int worker);
-  Pivot eliminate(const SymmetricBlockTridiagonal& a, int item, const Step& step,
-                  const signed char* signs, double regularization, int run_slot, int worker);
-  void update_neighbour(const SymmetricBlockTridiagonal& a, int item, const Step& step, bool left,
-                        int run_slot, int worker);
-  void forward(int item, const Step& step, double* x, int m) const;
-  void backward(int item, const Step& step, double* x, int m) const;
   int useful_threads(int threads) const;
-  [[noreturn]] void fail(int item, const Failure& failure, const signed char* signs,
+  void solve_in_single(int item, double* rhs, int m, int threads) const;
+  [[noreturn]] void fail(int item, const PivotFailure& failure, const signed char* signs,
                          double regularization) const;
   Refinement refine_item(const SymmetricBlockTridiagonal& a, int item, const double* rhs, double* x,
                          int m, int max_steps, double tolerance, int threads);
 
-  double* w(int item, int block) const;
-  double* coupling(int item, int slot) const;
-  double* scratch(int worker, int run_slot, int which) const;
-
   int blocks_, size_, batch_;
-  long ld_, block_;  // leading dimension and length of an internal block
-  Schedule schedule_;
-  const BlockKernels* kernels_;
-  std::vector<int> left_slot_, right_slot_;  // storage of a block's coupling to each neighbour
-  int slots_ = 0, run_slots_ = 0, workers_ = 1;
-  BlockBuffer w_, couplings_, inverse_, scratch_;
-  BlockBuffer residual_, saved_;   // of refine(), for kRefineColumns columns
-  std::vector<Failure> failures_;  // one per run of a stage, or per item of a batch
+  std::unique_ptr<const Schedule> schedule_;
+  std::unique_ptr<Factors<double>> double_;  // one of the two
+  std::unique_ptr<Factors<float>> single_;
+  BlockBuffer residual_, saved_;     // of refine(), for kColumnsAtOnce columns
+  BasicBlockBuffer<float> columns_;  // of solve() with float32 factors, for each problem
   bool factored_ = false;
 };
 

@@ -10,7 +10,9 @@ struct Refinement {
 
 // The loop for one right-hand side: evaluate() returns the relative residual, correct() applies a
 // correction and undo() takes it back. Stops when the residual is below `tolerance`, no longer
-// halves, or after max_steps.
+// halves, or after max_steps. A correction is taken back when it doubles the residual, not when the
+// residual stays where rounding keeps it: there the error of an ill-conditioned system still falls,
+// and which of two such residuals is the larger is chance.
 template <class Evaluate, class Correct, class Undo>
 Refinement refine_loop(int max_steps, double tolerance, const Evaluate& evaluate,
                        const Correct& correct, const Undo& undo) {
@@ -18,7 +20,7 @@ Refinement refine_loop(int max_steps, double tolerance, const Evaluate& evaluate
   while (result.steps < max_steps && !(result.residual <= tolerance)) {
     correct();
     const double residual = evaluate();
-    if (!(residual < result.residual)) {
+    if (!(residual < 2.0 * result.residual)) {
       undo();
       break;
     }

@@ -20,61 +20,29 @@ double largest_magnitude(const double* x, long rows, int columns, long ld) {
   return most;
 }
 
-// Eliminates a block's unknowns from the equations after it. The update of a deferred left
-// neighbour is the caller's.
-void Factorization::forward(int item, const Step& step, double* x, int m) const {
-  double* xi = x + static_cast<long>(step.block) * size_ * m;
-  kernels_->substitute_transposed(size_, w(item, step.block), ld_, xi, m, m);
-  if (step.right >= 0) {
-    kernels_->subtract_transposed(size_, size_, coupling(item, right_slot_[step.block]), ld_, xi,
-                                  x + static_cast<long>(step.right) * size_ * m, m, m, m);
+// A few columns at a time are rounded, solved for and written back.
+void Factorization::solve_in_single(int item, double* rhs, int m, int threads) const {
+  const long rows = static_cast<long>(blocks_) * size_;
+  float* x = columns_.data() + item * rows * kColumnsAtOnce;
+  for (int c = 0; c < m; c += kColumnsAtOnce) {
+    const int columns = std::min(kColumnsAtOnce, m - c);
+    for (long i = 0; i < rows; ++i) {
+      for (int j = 0; j < columns; ++j) x[i * columns + j] = static_cast<float>(rhs[i * m + c + j]);
+    }
+    single_->solve(item, x, columns, threads);
+    for (long i = 0; i < rows; ++i) {
+      for (int j = 0; j < columns; ++j) rhs[i * m + c + j] = x[i * columns + j];
+    }
   }
-  if (step.left >= 0 && !step.left_deferred) {
-    kernels_->subtract_transposed(size_, size_, coupling(item, left_slot_[step.block]), ld_, xi,
-                                  x + static_cast<long>(step.left) * size_ * m, m, m, m);
-  }
-}
-
-void Factorization::backward(int item, const Step& step, double* x, int m) const {
-  double* xi = x + static_cast<long>(step.block) * size_ * m;
-  const double* inverse =
-      inverse_.data() + (static_cast<long>(item) * blocks_ + step.block) * size_;
-  for (int k = 0; k < size_; ++k) {
-    for (int j = 0; j < m; ++j) xi[static_cast<long>(k) * m + j] *= inverse[k];
-  }
-  if (step.left >= 0) {
-    kernels_->subtract(size_, size_, coupling(item, left_slot_[step.block]), ld_,
-                       x + static_cast<long>(step.left) * size_ * m, xi, m, m, m);
-  }
-  if (step.right >= 0) {
-    kernels_->subtract(size_, size_, coupling(item, right_slot_[step.block]), ld_,
-                       x + static_cast<long>(step.right) * size_ * m, xi, m, m, m);
-  }
-  kernels_->substitute(size_, w(item, step.block), ld_, xi, m, m);
 }
 
 void Factorization::solve_item(int item, double* x, int m, int threads) const {
   if (!factored_) throw ArgumentError("solve: there is no factorization, factor() has to succeed");
   if (m < 1) return;
-  for (const Stage& stage : schedule_.stages) {
-    const int runs = stage.end - stage.begin;
-    parallel_for(runs, threads, [&](long slot, int) {
-      const Run& run = schedule_.runs[stage.begin + slot];
-      for (int s = run.begin; s < run.end; ++s) forward(item, schedule_.steps[s], x, m);
-    });
-    parallel_for(runs, threads, [&](long slot, int) {
-      const Step& step = schedule_.steps[schedule_.runs[stage.begin + slot].end - 1];
-      if (!step.left_deferred) return;
-      kernels_->subtract_transposed(size_, size_, coupling(item, left_slot_[step.block]), ld_,
-                                    x + static_cast<long>(step.block) * size_ * m,
-                                    x + static_cast<long>(step.left) * size_ * m, m, m, m);
-    });
-  }
-  for (auto stage = schedule_.stages.rbegin(); stage != schedule_.stages.rend(); ++stage) {
-    parallel_for(stage->end - stage->begin, threads, [&](long slot, int) {
-      const Run& run = schedule_.runs[stage->begin + slot];
-      for (int s = run.end - 1; s >= run.begin; --s) backward(item, schedule_.steps[s], x, m);
-    });
+  if (double_) {
+    double_->solve(item, x, m, threads);
+  } else {
+    solve_in_single(item, x, m, threads);
   }
 }
 
@@ -95,8 +63,8 @@ Refinement Factorization::refine_item(const SymmetricBlockTridiagonal& a, int it
   double* r = residual_.data();
   double* saved = saved_.data();
   Refinement worst;
-  for (int c = 0; c < m; c += kRefineColumns) {
-    const int columns = std::min(kRefineColumns, m - c);
+  for (int c = 0; c < m; c += kColumnsAtOnce) {
+    const int columns = std::min(kColumnsAtOnce, m - c);
     const double size = largest_magnitude(rhs + c, rows, columns, m);
     const double scale = size > 0.0 ? size : 1.0;
     const auto each = [&](const auto& body) {

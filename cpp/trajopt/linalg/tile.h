@@ -7,52 +7,58 @@
 namespace trajopt::linalg::inline TRAJOPT_ISA {
 
 // As many accumulators as fit: 8 x 3 of 32 registers, 4 x 3 of 16.
-inline constexpr int kTileRows = kWidth == 8 ? 8 : 4;
+inline constexpr int kTileRows = kWidth<double> == 8 ? 8 : 4;
 inline constexpr int kTileVectors = 3;
-inline constexpr int kTileColumns = kTileVectors * kWidth;
+template <class T>
+inline constexpr int kTileColumns = kTileVectors* kWidth<T>;
 
-constexpr int vectors(int columns) { return (columns + kWidth - 1) / kWidth; }
+template <class T>
+constexpr int vectors(int columns) {
+  return (columns + kWidth<T> - 1) / kWidth<T>;
+}
 
 // A strided view of the operand whose elements are broadcast: element (k, r) is
 // data[k * step + r * row]. Negative steps run through k downwards.
+template <class T>
 struct Scalars {
-  const double* data;
+  const T* data;
   long step;
   long row;
 };
 
-template <int MR, int NV>
+template <class T, int MR, int NV>
 struct Tile {
-  Vector a[MR][NV];
+  static constexpr int W = kWidth<T>;
+  Vec<T> a[MR][NV];
 
   TRAJOPT_ALWAYS_INLINE void clear() {
 #pragma GCC unroll 8
     for (int r = 0; r < MR; ++r) {
 #pragma GCC unroll 3
-      for (int v = 0; v < NV; ++v) a[r][v] = zero();
+      for (int v = 0; v < NV; ++v) a[r][v] = broadcast(T(0));
     }
   }
 
   // `tail` columns of the last vector exist; Tail = false: all of them.
   template <bool Tail>
-  TRAJOPT_ALWAYS_INLINE void read(const double* p, long ld, int tail) {
+  TRAJOPT_ALWAYS_INLINE void read(const T* p, long ld, int tail) {
 #pragma GCC unroll 8
     for (int r = 0; r < MR; ++r) {
 #pragma GCC unroll 3
       for (int v = 0; v < NV; ++v) {
-        const double* q = p + r * ld + v * kWidth;
+        const T* q = p + r * ld + v * W;
         a[r][v] = Tail && v == NV - 1 ? load(q, tail) : load(q);
       }
     }
   }
 
   template <bool Tail>
-  TRAJOPT_ALWAYS_INLINE void write(double* p, long ld, int tail) const {
+  TRAJOPT_ALWAYS_INLINE void write(T* p, long ld, int tail) const {
 #pragma GCC unroll 8
     for (int r = 0; r < MR; ++r) {
 #pragma GCC unroll 3
       for (int v = 0; v < NV; ++v) {
-        double* q = p + r * ld + v * kWidth;
+        T* q = p + r * ld + v * W;
         if (Tail && v == NV - 1) {
           store(q, a[r][v], tail);
         } else {
@@ -64,18 +70,18 @@ struct Tile {
 
   // a[r][c] -= s(k, r) * b[k][c] for k = 0, 1, ..., count-1: one chain of fma per element.
   template <bool Tail>
-  TRAJOPT_ALWAYS_INLINE void subtract(int count, Scalars s, const double* b, long ldb, int tail) {
-    const double* p = s.data;
+  TRAJOPT_ALWAYS_INLINE void subtract(int count, Scalars<T> s, const T* b, long ldb, int tail) {
+    const T* p = s.data;
     for (int k = 0; k < count; ++k) {
-      Vector row[NV];
+      Vec<T> row[NV];
 #pragma GCC unroll 3
       for (int v = 0; v < NV; ++v) {
-        const double* q = b + v * kWidth;
+        const T* q = b + v * W;
         row[v] = Tail && v == NV - 1 ? load(q, tail) : load(q);
       }
 #pragma GCC unroll 8
       for (int r = 0; r < MR; ++r) {
-        const Vector x = broadcast(p[r * s.row]);
+        const Vec<T> x = broadcast(p[r * s.row]);
 #pragma GCC unroll 3
         for (int v = 0; v < NV; ++v) a[r][v] = fnma(x, row[v], a[r][v]);
       }
@@ -86,12 +92,12 @@ struct Tile {
 
   // Substitution within the tile's own rows, the last row first: the unit lower triangular w is
   // applied as a[s] -= w[r][s] * a[r] for s < r.
-  TRAJOPT_ALWAYS_INLINE void substitute_transposed(const double* w, long ldw) {
+  TRAJOPT_ALWAYS_INLINE void substitute_transposed(const T* w, long ldw) {
 #pragma GCC unroll 8
     for (int r = MR - 1; r > 0; --r) {
 #pragma GCC unroll 8
       for (int s = 0; s < r; ++s) {
-        const Vector x = broadcast(w[r * ldw + s]);
+        const Vec<T> x = broadcast(w[r * ldw + s]);
 #pragma GCC unroll 3
         for (int v = 0; v < NV; ++v) a[s][v] = fnma(x, a[r][v], a[s][v]);
       }
@@ -99,12 +105,12 @@ struct Tile {
   }
 
   // The first row first: a[r] -= w[r][s] * a[s] for s < r.
-  TRAJOPT_ALWAYS_INLINE void substitute(const double* w, long ldw) {
+  TRAJOPT_ALWAYS_INLINE void substitute(const T* w, long ldw) {
 #pragma GCC unroll 8
     for (int s = 0; s + 1 < MR; ++s) {
 #pragma GCC unroll 8
       for (int r = s + 1; r < MR; ++r) {
-        const Vector x = broadcast(w[r * ldw + s]);
+        const Vec<T> x = broadcast(w[r * ldw + s]);
 #pragma GCC unroll 3
         for (int v = 0; v < NV; ++v) a[r][v] = fnma(x, a[s][v], a[r][v]);
       }

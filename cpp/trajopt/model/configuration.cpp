@@ -1,6 +1,6 @@
 #include "trajopt/model/configuration.h"
 
-#include "trajopt/model/rotation.h"
+#include "trajopt/model/integrate.h"
 
 namespace trajopt {
 
@@ -26,15 +26,7 @@ void configuration_to_vector(const Model& model, const double* q, double* x) {
 }
 
 void integrate(const Model& model, const double* q, const double* step, double* out) {
-  for (const Joint& joint : model.joints) {
-    if (joint.type == JointType::ball) {
-      double turn[4];
-      quaternion_exp({step[joint.dof], step[joint.dof + 1], step[joint.dof + 2]}, turn);
-      quaternion_product(turn, q + joint.q, out + joint.q);
-    } else {
-      out[joint.q] = q[joint.q] + step[joint.dof];
-    }
-  }
+  for (const Joint& joint : model.joints) integrate_joint(joint, q, step, out);
 }
 
 void difference(const Model& model, const double* a, const double* b, double* step) {

@@ -22,6 +22,15 @@ void finalize(Model& model) {
     joint.dof = model.ndof;
     joint.q = model.nq;
     joint.subtree_mass = joint.mass;
+    joint.massless = joint.mass == 0;
+    for (double e : joint.first) joint.massless &= e == 0;
+    for (double e : joint.second) joint.massless &= e == 0;
+    joint.plain = true;
+    for (int k = 0; k < 9; ++k) joint.plain &= joint.offset[k] == (k % 4 == 0 ? 1.0 : 0.0);
+    joint.aligned = -1;
+    for (int k = 0; k < 3; ++k)
+      if (joint.axis[k] == 1 && joint.axis[(k + 1) % 3] == 0 && joint.axis[(k + 2) % 3] == 0)
+        joint.aligned = k;
     model.ndof += joint.ndof();
     model.nq += joint.nq();
     model.mass += joint.mass;

@@ -10,6 +10,8 @@
 
 #include <vector>
 
+#include "trajopt/base/hd.h"
+
 namespace trajopt {
 
 enum class JointType : int { slide = 0, hinge = 1, ball = 2 };
@@ -25,10 +27,14 @@ struct Joint {
   double mass;     // of the link; 0 for an intermediate joint
   double second[6];  // integral of rho p p^T about the joint frame's origin: xx xy xz yy yz zz
   double first[3];   // mass times centre of mass, in the joint frame
-  double subtree_mass;
+  // Filled in by finalize:
+  double subtree_mass = 0;
+  bool massless = false;
+  bool plain = false;  // offset has no rotation: multiplying by it changes nothing
+  int aligned = -1;    // k when the axis is the k-th of the frame, else -1
 
-  int ndof() const { return type == JointType::ball ? 3 : 1; }
-  int nq() const { return type == JointType::ball ? 4 : 1; }
+  TRAJOPT_HD int ndof() const { return type == JointType::ball ? 3 : 1; }
+  TRAJOPT_HD int nq() const { return type == JointType::ball ? 4 : 1; }
 };
 
 struct ContactPoint {  // a sphere; radius 0 for box corners and mesh vertices

@@ -1,4 +1,4 @@
-// Rotation vectors, quaternions and the left Jacobian of SO(3) (scalar code, double).
+// Rotation vectors, quaternions and the left Jacobian of SO(3).
 //
 //   exp([r]) R with d exp = [J_l(r) dr] exp,   J_l = a I + b [r] + c r r^T,
 //   a = sin t / t, b = (1 - cos t)/t^2, c = (1 - a)/t^2, t = |r|.
@@ -8,33 +8,54 @@
 
 namespace trajopt::inline TRAJOPT_ISA {
 
+template <class S>
 struct ExpCoefficients {  // and their derivatives divided by t: a'/t, b'/t, c'/t
-  double a, b, c, da, db, dc;
+  S a, b, c, da, db, dc;
 };
 
-TRAJOPT_HD inline ExpCoefficients exp_coefficients(double t2) {
-  if (t2 < 1e-4) {  // series: the closed forms cancel
-    return {1 - t2 / 6 * (1 - t2 / 20 * (1 - t2 / 42)),
-            0.5 - t2 / 24 * (1 - t2 / 30 * (1 - t2 / 56)),
-            1.0 / 6 - t2 / 120 * (1 - t2 / 42 * (1 - t2 / 72)),
-            -1.0 / 3 + t2 / 30 - t2 * t2 / 840,
-            -1.0 / 12 + t2 / 180 - t2 * t2 / 6720,
-            -1.0 / 60 + t2 / 1260 - t2 * t2 / 60480};
-  }
-  const double t = sqrt(t2);
-  double s, c;
-  sincos(t, s, c);
-  double sh, ch;
-  sincos(0.5 * t, sh, ch);
-  const double a = s / t, b = 2 * sh * sh / t2, cc = (1 - a) / t2;
-  return {a, b, cc, (c - a) / t2, (a - 2 * b) / t2, (b - 3 * cc) / t2};
+template <class S>
+TRAJOPT_HD inline ExpCoefficients<S> exp_series(S t2) {  // for small t: the closed forms cancel
+  const S one(1.0);
+  return {one - t2 / S(6.0) * (one - t2 / S(20.0) * (one - t2 / S(42.0))),
+          S(0.5) - t2 / S(24.0) * (one - t2 / S(30.0) * (one - t2 / S(56.0))),
+          S(1.0 / 6) - t2 / S(120.0) * (one - t2 / S(42.0) * (one - t2 / S(72.0))),
+          S(-1.0 / 3) + t2 / S(30.0) - t2 * t2 / S(840.0),
+          S(-1.0 / 12) + t2 / S(180.0) - t2 * t2 / S(6720.0),
+          S(-1.0 / 60) + t2 / S(1260.0) - t2 * t2 / S(60480.0)};
 }
 
-TRAJOPT_HD inline Mat3<double> left_jacobian(const Vec3<double>& r) {
-  const ExpCoefficients k = exp_coefficients(dot(r, r));
-  Mat3<double> j = identity3<double>();
-  for (double& e : j.m) e *= k.a;
-  const double x[9] = {0, -r.z, r.y, r.z, 0, -r.x, -r.y, r.x, 0};
+template <class S>
+TRAJOPT_HD inline ExpCoefficients<S> exp_closed(S t2) {
+  const S t = sqrt(t2), one(1.0), two(2.0);
+  S s, c;
+  sincos(t, s, c);
+  S sh, ch;
+  sincos(S(0.5) * t, sh, ch);
+  const S a = s / t, b = two * sh * sh / t2, cc = (one - a) / t2;
+  return {a, b, cc, (c - a) / t2, (a - two * b) / t2, (b - S(3.0) * cc) / t2};
+}
+
+template <class S>
+TRAJOPT_HD inline ExpCoefficients<S> exp_coefficients(S t2) {
+  const S small(1e-4);
+  if constexpr (lanes<S> == 1) {
+    return t2 < small ? exp_series(t2) : exp_closed(t2);
+  } else {
+    const auto near = t2 < small;
+    if (!any(near)) return exp_closed(t2);
+    const ExpCoefficients<S> x = exp_series(t2), y = exp_closed(t2);
+    return {select(near, x.a, y.a),   select(near, x.b, y.b),   select(near, x.c, y.c),
+            select(near, x.da, y.da), select(near, x.db, y.db), select(near, x.dc, y.dc)};
+  }
+}
+
+template <class S>
+TRAJOPT_HD inline Mat3<S> left_jacobian(const Vec3<S>& r) {
+  const ExpCoefficients<S> k = exp_coefficients(dot(r, r));
+  Mat3<S> j = identity3<S>();
+  for (S& e : j.m) e *= k.a;
+  const S zero(0.0);
+  const S x[9] = {zero, -r.z, r.y, r.z, zero, -r.x, -r.y, r.x, zero};
   for (int i = 0; i < 9; ++i) j.m[i] = fma(k.b, x[i], j.m[i]);
   add_outer(j, k.c, r, r);
   return j;
@@ -60,15 +81,20 @@ TRAJOPT_HD inline Mat3<double> left_jacobian_inverse(const Vec3<double>& r) {
   return j;
 }
 
-TRAJOPT_HD inline void quaternion_exp(const Vec3<double>& r, double* q) {
-  const double t2 = dot(r, r);
-  const ExpCoefficients half = exp_coefficients(0.25 * t2);  // a = sin(t/2)/(t/2)
-  double s, c;
-  sincos(0.5 * sqrt(t2), s, c);
+template <class S>
+TRAJOPT_HD inline void quaternion_exp(const Vec3<S>& r, S* q) {
+  const S t2 = dot(r, r), one_half(0.5);
+  const ExpCoefficients<S> half = exp_coefficients(S(0.25) * t2);  // a = sin(t/2)/(t/2)
+  S s, c;
+  sincos(one_half * sqrt(t2), s, c);
   q[0] = c;
-  q[1] = 0.5 * half.a * r.x;
-  q[2] = 0.5 * half.a * r.y;
-  q[3] = 0.5 * half.a * r.z;
+  q[1] = one_half * half.a * r.x;
+  q[2] = one_half * half.a * r.y;
+  q[3] = one_half * half.a * r.z;
+}
+
+TRAJOPT_HD inline void quaternion_exp(const Vec3<double>& r, double* q) {
+  quaternion_exp<double>(r, q);
 }
 
 TRAJOPT_HD inline void quaternion_product(const double* a, const double* b, double* r) {

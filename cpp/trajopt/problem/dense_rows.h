@@ -1,17 +1,10 @@
 // Objective rows that reach across the tree: residual and Jacobian over the window of three nodes.
 #pragma once
 
-#include "trajopt/dynamics/residual.h"
 #include "trajopt/problem/frame_kernels.h"
+#include "trajopt/problem/row_list.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
-
-// Rows r (count) and jacobian (count x 3D), node q's columns at [q D, (q+1) D).
-template <class S>
-struct RowBlock {
-  S* residual;
-  S* jacobian;
-};
 
 // Derivative of the centre of mass at node q with respect to dof j.
 template <class S>
@@ -21,7 +14,7 @@ TRAJOPT_HD inline Vec3<S> com_direction(const ModelView& model, const DynamicsWo
   const Twist<S>& xi = ws.twists[q][j];
   const S inverse = S(1.0 / model.mass);
   const S mass = S(model.joints[joint].subtree_mass);
-  return inverse * fma(mass, xi.v, cross(xi.w, ws.composites[joint].first[q]));
+  return inverse * fma(mass, xi.v, cross(xi.w, ws.first[joint].q[q]));
 }
 
 template <class S>
@@ -29,71 +22,102 @@ TRAJOPT_HD inline Vec3<S> center_of_mass(const ModelView& model, const DynamicsW
                                          int q) {
   Vec3<S> sum{S(0.0), S(0.0), S(0.0)};
   for (int j = 0; j < model.njoint; ++j)
-    if (model.joints[j].parent < 0) sum += ws.composites[j].first[q];
+    if (model.joints[j].parent < 0) sum += ws.first[j].q[q];
   return S(1.0 / model.mass) * sum;
 }
 
-// A vector-valued point (centre of mass or body point) at node q and its directions.
-template <class S, bool Derivatives>
-TRAJOPT_HD inline Vec3<S> tracked_point(const ModelView& model, const DenseTerm& term,
-                                        const DynamicsWorkspace<S>& ws, int q, const Vec3<S>& scale,
-                                        S* columns, int stride) {
-  const bool com = term.kind == DenseKind::center_of_mass_velocity ||
-                   term.kind == DenseKind::center_of_mass_position;
-  if constexpr (Derivatives) {
-    const auto put = [&](int j, const Vec3<S>& direction) {
-      for (int k = 0; k < 3; ++k) columns[k * stride + j] = scale[k] * direction[k];
-    };
-    if (com) {
-      for (int j = 0; j < model.ndof; ++j) put(j, com_direction(model, ws, q, j));
-    } else {
-      const Vec3<S> p = apply(ws.joints[q][term.joint], broadcast3<S>(term.point));
-      const Joint& joint = model.joints[term.joint];
-      for (int j = joint.dof + joint.ndof() - 1; j >= 0; j = model.dof_parent[j])
-        put(j, point_velocity(ws.twists[q][j], p));
-    }
+// The dofs whose motion changes the force on dof `dof`: those towards the root, those behind it.
+TRAJOPT_HD inline int path_of(const ModelView& model, int dof, int* dofs) {
+  int n = 0;
+  for (int j = dof; j >= 0; j = model.dof_parent[j]) ++n;
+  int k = n;
+  for (int j = dof; j >= 0; j = model.dof_parent[j]) dofs[--k] = j;
+  for (int j = dof + 1; j < model.ndof; ++j) {
+    int up = j;
+    while (up > dof) up = model.dof_parent[up];
+    if (up == dof) dofs[n++] = j;
   }
+  return n;
+}
+
+template <class S>
+TRAJOPT_HD inline void force_residuals(const int* rows, int count, const S* fd, const S& scale,
+                                       S* out) {
+  for (int r = 0; r < count; ++r) out[r] = scale * fd[rows[r]];
+}
+
+// Rows scale * FD of some dofs, one set for each run of dofs that feel the same ones. `fd` null:
+// not part of the objective.
+template <class S>
+TRAJOPT_HD inline void force_rows(const ModelView& model, const int* rows, int count,
+                                  const DynamicsWorkspace<S>& ws, const S* fd,
+                                  const S* const jacobians[3], const S& scale, RowList<S>& out) {
+  const int d = model.ndof;
+  for (int begin = 0, end; begin < count; begin = end) {
+    int* path = out.dofs();
+    const int reach = path_of(model, rows[begin], path);
+    for (end = begin + 1; end < count; ++end) {
+      int* other = path + reach;
+      bool same = path_of(model, rows[end], other) == reach;
+      for (int i = 0; same && i < reach; ++i) same = other[i] == path[i];
+      if (!same) break;
+    }
+    const int place = reach == d ? RowList<S>::kEverywhere : path[reach - 1];
+    // Overlapping spheres push branches apart that are not on one path.
+    const int n = ws.coupled ? d : reach;
+    const int* dofs = n == d ? out.every_dof() : path;
+    S* to = out.jacobian();
+    for (int q = 0; q < 3; ++q) {
+      for (int r = begin; r < end; ++r) {
+        const S* from = jacobians[q] + rows[r] * d;
+        for (int i = 0; i < n; ++i) *to++ = scale * from[dofs[i]];
+      }
+    }
+    if (fd != nullptr) force_residuals(rows + begin, end - begin, fd, scale, out.residual());
+    out.add(place, end - begin, 3, n, dofs, fd != nullptr);
+  }
+}
+
+// A tracked point (centre of mass or body point) at node q: its place.
+template <class S>
+TRAJOPT_HD inline Vec3<S> tracked_point(const ModelView& model, const DenseTerm& term, bool com,
+                                        const DynamicsWorkspace<S>& ws, int q) {
   return com ? center_of_mass(model, ws, q)
              : apply(ws.joints[q][term.joint], broadcast3<S>(term.point));
 }
 
 // scale: sqrt(2 weight) per lane; target: three packs; inverse_dt: 1/dt per lane.
 template <class S, bool Derivatives>
-TRAJOPT_HD inline void dense_rows(const ModelView& model, const DenseTerm& term,
-                                  const DynamicsWorkspace<S>& ws, const S* fd,
-                                  const S* const jacobians[3], const S& scale,
-                                  const Vec3<S>& target, const S& inverse_dt, RowBlock<S> out) {
-  const int d = model.ndof, width = 3 * d;
-  const int count = rows_of(term.kind, model);
-  if constexpr (Derivatives) {
-    for (int i = 0; i < count * width; ++i) out.jacobian[i] = S(0.0);
-  }
-  if (term.kind == DenseKind::effort || term.kind == DenseKind::physics) {
-    const int* dofs = term.kind == DenseKind::effort ? model.actuated : model.unactuated;
-    for (int r = 0; r < count; ++r) {
-      const int row = dofs[r];
-      out.residual[r] = scale * fd[row];
-      if constexpr (Derivatives) {
-        for (int q = 0; q < 3; ++q)
-          for (int j = 0; j < d; ++j)
-            out.jacobian[r * width + q * d + j] = scale * jacobians[q][row * d + j];
-      }
-    }
-    return;
-  }
+TRAJOPT_HD inline void point_rows(const ModelView& model, const DenseTerm& term,
+                                  DynamicsWorkspace<S>& ws, const S& scale, const Vec3<S>& target,
+                                  const S& inverse_dt, RowList<S>& out) {
+  const bool com = term.kind == DenseKind::center_of_mass_velocity ||
+                   term.kind == DenseKind::center_of_mass_position;
   const bool rate =
       term.kind == DenseKind::center_of_mass_velocity || term.kind == DenseKind::point_velocity;
-  Vec3<S> weight;
+  const int nodes = rate ? 2 : 1;
+  Vec3<S> weight, p[2];
   for (int k = 0; k < 3; ++k) weight[k] = scale * S(term.axes[k]);
-  const Vec3<S> unit = rate ? inverse_dt * weight : weight;
-  Vec3<S> value = tracked_point<S, Derivatives>(model, term, ws, 0, unit, out.jacobian, width);
-  if (rate) {
-    const Vec3<S> minus = S(-1.0) * unit;
-    value =
-        value - tracked_point<S, Derivatives>(model, term, ws, 1, minus, out.jacobian + d, width);
-    value = inverse_dt * value;
+  for (int q = 0; q < nodes; ++q) p[q] = tracked_point(model, term, com, ws, q);
+  const Vec3<S> value = rate ? inverse_dt * (p[0] - p[1]) : p[0];
+  for (int k = 0; k < 3; ++k) out.residual()[k] = weight[k] * (value[k] - target[k]);
+  if constexpr (Derivatives) {
+    const int d = model.ndof;
+    const int n = com ? d : chain_of(model, term.joint, out.dofs());
+    const int* dofs = n == d ? out.every_dof() : out.dofs();
+    for (int q = 0; q < nodes; ++q) {
+      const Vec3<S> unit = rate ? (q == 0 ? inverse_dt : -inverse_dt) * weight : weight;
+      S* to = out.jacobian() + q * 3 * n;
+      for (int i = 0; i < n; ++i) {
+        const Vec3<S> direction = com ? com_direction(model, ws, q, dofs[i])
+                                      : point_velocity(ws.twists[q][dofs[i]], p[q]);
+        for (int k = 0; k < 3; ++k) to[k * n + i] = unit[k] * direction[k];
+      }
+    }
+    out.add(n == d ? RowList<S>::kEverywhere : dofs[n - 1], 3, nodes, n, dofs);
+  } else {
+    out.add_residuals(3);
   }
-  for (int k = 0; k < 3; ++k) out.residual[k] = weight[k] * (value[k] - target[k]);
 }
 
 }  // namespace trajopt::inline TRAJOPT_ISA

@@ -15,31 +15,118 @@ TRAJOPT_HD inline int row_count(const FrameInput& in) {
   return rows + (in.augmentation > 0 ? in.model.nunactuated : 0);
 }
 
-// Buffers of one worker, in packs.
+// Buffers of one worker.
 template <class S>
 struct FrameScratch {
-  S *nodes, *fd, *jacobians, *residual, *rows, *hessian;
-  void* dynamics;
+  S *nodes, *fd, *picked, *cost, *jacobians, *gradient, *block;
+  void *dynamics, *rows;
+  Panel<S>* panels;
 
   TRAJOPT_HD static std::size_t packs(const FrameInput& in) {
-    const std::size_t d = in.model.ndof, r = row_count(in);
-    return 3 * in.model.nq + d + 3 * d * d + r + r * 3 * d + 6 * d * d;
+    const std::size_t d = in.model.ndof;
+    return 3 * in.model.nq + 2 * d + in.nterm + 3 * d * d + 3 * d + d * d;
   }
   TRAJOPT_HD FrameScratch(const FrameInput& in, void* memory) {
-    const int d = in.model.ndof, r = row_count(in);
+    const int d = in.model.ndof;
     nodes = static_cast<S*>(memory);
     fd = nodes + 3 * in.model.nq;
-    jacobians = fd + d;
-    residual = jacobians + 3 * d * d;
-    rows = residual + r;
-    hessian = rows + r * 3 * d;
-    dynamics = hessian + 6 * d * d;
+    picked = fd + d;
+    cost = picked + d;
+    jacobians = cost + in.nterm;
+    gradient = jacobians + 3 * d * d;
+    block = gradient + 3 * d;
+    dynamics = block + d * d;
+    rows = static_cast<char*>(dynamics) + DynamicsWorkspace<S>::bytes(in.model);
+    panels =
+        reinterpret_cast<Panel<S>*>(static_cast<char*>(rows) + RowList<S>::bytes(row_count(in), d));
   }
 };
 
 template <class S>
 TRAJOPT_HD inline std::size_t frame_scratch_bytes(const FrameInput& in) {
-  return FrameScratch<S>::packs(in) * sizeof(S) + DynamicsWorkspace<S>::bytes(in.model) + 64;
+  return FrameScratch<S>::packs(in) * sizeof(S) + DynamicsWorkspace<S>::bytes(in.model) +
+         RowList<S>::bytes(row_count(in), in.model.ndof) + row_count(in) * sizeof(Panel<S>) + 64;
+}
+
+// The time step's numbers and the configurations of a pack's frames.
+template <class S>
+struct FramePack {
+  StencilPack<S> stencil;
+  S inverse_dt, inverse_dt_before;
+  const S* nodes[3];
+
+  TRAJOPT_HD FramePack(const FrameInput& in, long begin, int count, S* memory) {
+    static_assert(sizeof(Stencil) == 15 * sizeof(double));
+    const int nq = in.model.nq;
+    S flat[15];
+    load_lanes(in.stencils[begin].acceleration, 15, count, 15, flat);
+    for (int q = 0; q < 3; ++q) {
+      stencil.acceleration[q] = flat[q];
+      stencil.contact[q] = flat[3 + q];
+      for (int p = 0; p < 3; ++p) stencil.velocity[q][p] = flat[6 + 3 * q + p];
+      nodes[q] = memory + q * nq;
+      load_lanes(in.frames + (begin + 2 - q) * nq, nq, count, nq, memory + q * nq);
+    }
+    S dt[2];
+    load_lanes(in.dt + begin, 1, count, 1, dt);
+    load_lanes(in.dt + begin + 1, 1, count, 1, dt + 1);
+    inverse_dt_before = S(1.0) / dt[0];
+    inverse_dt = S(1.0) / dt[1];
+  }
+};
+
+// Some elements of `in`, one behind the other, to each frame's own array of n.
+template <class S>
+TRAJOPT_HD inline void store_picked(const S* in, const int* index, int n, S* picked, double* out,
+                                    int count) {
+  for (int r = 0; r < n; ++r) picked[r] = in[index[r]];
+  store_lanes(picked, n, out, n, count);
+}
+
+// The rows of all terms, and the cost of each.
+template <class S, bool Derivatives>
+TRAJOPT_HD inline void objective_rows(const FrameInput& in, long begin, int count,
+                                      const FramePack<S>& frame, DynamicsWorkspace<S>& ws,
+                                      const S* fd, const S* const jacobians[3], RowList<S>& rows,
+                                      S* costs) {
+  const ModelView& model = in.model;
+  for (int k = 0; k < in.nterm; ++k) {
+    const DenseTerm& term = in.terms[k];
+    S scale;
+    Vec3<S> target{S(0.0), S(0.0), S(0.0)};
+    load_lanes(term.scale + begin, 1, count, 1, &scale);
+    S cost(0.0);
+    if (any(scale > S(0.0)) || any(S(0.0) > scale)) {  // else: switched off in every lane
+      if (term.target != nullptr) load_lanes(term.target + 3 * begin, 3, count, 3, &target.x);
+      const S* first = rows.residual();
+      switch (term.kind) {
+        case DenseKind::contact_rate:
+          contact_rate_rows<S, Derivatives>(model, *in.physics, ws, scale, frame.inverse_dt,
+                                            frame.inverse_dt_before, rows);
+          break;
+        case DenseKind::contact_slip:
+          contact_slip_rows<S, Derivatives>(model, *in.physics, ws, scale, frame.inverse_dt, rows);
+          break;
+        case DenseKind::effort:
+        case DenseKind::physics: {
+          const bool effort = term.kind == DenseKind::effort;
+          const int* dofs = effort ? model.actuated : model.unactuated;
+          const int n = effort ? model.nactuated : model.nunactuated;
+          if constexpr (Derivatives) {
+            force_rows(model, dofs, n, ws, fd, jacobians, scale, rows);
+          } else {
+            force_residuals(dofs, n, fd, scale, rows.residual());
+            rows.add_residuals(n);
+          }
+          break;
+        }
+        default:
+          point_rows<S, Derivatives>(model, term, ws, scale, target, frame.inverse_dt, rows);
+      }
+      for (const S* r = first; r != rows.residual(); ++r) cost = fma(*r, *r, cost);
+    }
+    costs[k] = S(0.5) * cost;
+  }
 }
 
 // Frames [begin, begin + count), count <= lanes<S>; the outputs of other frames are left alone.
@@ -50,88 +137,35 @@ TRAJOPT_HD inline void run_frames(const FrameInput& in, long begin, int count, v
   const int d = model.ndof, m = model.nunactuated, nu = model.nactuated;
   FrameScratch<S> s(in, memory);
   DynamicsWorkspace<S> ws(model, s.dynamics);
-
-  // Lanes beyond count repeat the last frame; their results are dropped.
-  const auto frame_of = [&](int w) { return begin + (w < count ? w : count - 1); };
-  StencilPack<S> stencil;
-  S inverse_dt, inverse_dt_before;
-  for (int w = 0; w < lanes<S>; ++w) {
-    const long f = frame_of(w);
-    const Stencil& st = in.stencils[f];
-    for (int q = 0; q < 3; ++q) {
-      set_lane(stencil.acceleration[q], w, st.acceleration[q]);
-      set_lane(stencil.contact[q], w, st.contact[q]);
-      for (int p = 0; p < 3; ++p) set_lane(stencil.velocity[q][p], w, st.velocity[q][p]);
-      const double* x = in.frames + (f + 2 - q) * model.nq;
-      for (int k = 0; k < model.nq; ++k) set_lane(s.nodes[q * model.nq + k], w, x[k]);
-    }
-    set_lane(inverse_dt, w, 1.0 / in.dt[f + 1]);
-    set_lane(inverse_dt_before, w, 1.0 / in.dt[f]);
-  }
-  const S* nodes[3] = {s.nodes, s.nodes + model.nq, s.nodes + 2 * model.nq};
+  const FramePack<S> frame(in, begin, count, s.nodes);
   S* jacobians[3] = {s.jacobians, s.jacobians + d * d, s.jacobians + 2 * d * d};
-  dynamics_residual<S, Chart::tangent, Derivatives>(model, *in.physics, stencil, nodes, ws, s.fd,
-                                                    jacobians);
+  dynamics_residual<S, Chart::tangent, Derivatives>(model, *in.physics, frame.stencil, frame.nodes,
+                                                    ws, s.fd, jacobians);
+  store_picked(s.fd, model.unactuated, m, s.picked, out.constraint + begin * m, count);
+  store_picked(s.fd, model.actuated, nu, s.picked, out.torque + begin * nu, count);
 
-  for (int w = 0; w < count; ++w) {
-    for (int r = 0; r < m; ++r)
-      out.constraint[(begin + w) * m + r] = lane(s.fd[model.unactuated[r]], w);
-    for (int r = 0; r < nu; ++r)
-      out.torque[(begin + w) * nu + r] = lane(s.fd[model.actuated[r]], w);
-  }
-
-  int rows = 0;
-  for (int k = 0; k < in.nterm; ++k) {
-    const DenseTerm& term = in.terms[k];
-    S scale;
-    Vec3<S> target{S(0.0), S(0.0), S(0.0)};
-    for (int w = 0; w < lanes<S>; ++w) {
-      const long f = frame_of(w);
-      set_lane(scale, w, term.scale[f]);
-      if (term.target != nullptr)
-        for (int c = 0; c < 3; ++c) set_lane(target[c], w, term.target[3 * f + c]);
+  RowList<S> rows(row_count(in), d, s.rows);
+  const S* const js[3] = {jacobians[0], jacobians[1], jacobians[2]};
+  if constexpr (Derivatives) {
+    if (in.augmentation > 0) {
+      const S* none = nullptr;
+      force_rows(model, model.unactuated, m, ws, none, js, S(__builtin_sqrt(in.augmentation)),
+                 rows);
     }
-    const S* const js[3] = {jacobians[0], jacobians[1], jacobians[2]};
-    const int first = rows;
-    const RowBlock<S> block{s.residual + first, s.rows + first * 3 * d};
-    if (term.kind == DenseKind::contact_rate) {
-      rows += contact_rate_rows<S, Derivatives>(model, *in.physics, ws, scale, inverse_dt,
-                                                inverse_dt_before, block);
-    } else if (term.kind == DenseKind::contact_slip) {
-      rows += contact_slip_rows<S, Derivatives>(model, *in.physics, ws, scale, inverse_dt, block);
-    } else {
-      rows += rows_of(term.kind, model);
-      dense_rows<S, Derivatives>(model, term, ws, s.fd, js, scale, target, inverse_dt, block);
-    }
-    S cost(0.0);
-    for (int r = first; r < rows; ++r) cost = fma(s.residual[r], s.residual[r], cost);
-    for (int w = 0; w < count; ++w) out.cost[(begin + w) * in.nterm + k] = 0.5 * lane(cost, w);
   }
-  if constexpr (!Derivatives) return;
-
-  for (int w = 0; w < count; ++w) {
-    double* a = out.jacobian + (begin + w) * 3 * m * d;
+  objective_rows<S, Derivatives>(in, begin, count, frame, ws, s.fd, js, rows, s.cost);
+  store_lanes(s.cost, in.nterm, out.cost + begin * in.nterm, in.nterm, count);
+  if constexpr (Derivatives) {
     for (int q = 0; q < 3; ++q)
       for (int r = 0; r < m; ++r)
-        for (int j = 0; j < d; ++j)
-          a[(q * m + r) * d + j] = lane(jacobians[q][model.unactuated[r] * d + j], w);
-  }
-  for (int i = 0; i < 3 * d; ++i) {
-    S g(0.0);
-    for (int r = 0; r < rows; ++r) g = fma(s.rows[r * 3 * d + i], s.residual[r], g);
-    for (int w = 0; w < count; ++w) out.gradient[(begin + w) * 3 * d + i] = lane(g, w);
-  }
-  if (in.augmentation > 0) {
-    const S scale(__builtin_sqrt(in.augmentation));
-    for (int r = 0; r < m; ++r, ++rows)
-      for (int q = 0; q < 3; ++q)
-        for (int j = 0; j < d; ++j)
-          s.rows[rows * 3 * d + q * d + j] = scale * jacobians[q][model.unactuated[r] * d + j];
-  }
-  window_gram(s.rows, rows, d, s.hessian);
-  for (int w = 0; w < count; ++w) {
-    double* h = out.hessian + (begin + w) * 6 * d * d;
-    for (int i = 0; i < 6 * d * d; ++i) h[i] = lane(s.hessian[i], w);
+        store_lanes(jacobians[q] + model.unactuated[r] * d, d,
+                    out.jacobian + ((begin * 3 + q) * m + r) * d, 3 * m * d, count);
+    window_gradient(rows, d, s.gradient);
+    store_lanes(s.gradient, 3 * d, out.gradient + begin * 3 * d, 3 * d, count);
+    for (int b = 0; b < 6; ++b) {
+      window_block(rows, kWindowBlocks[b][0], kWindowBlocks[b][1], d, s.panels, s.block);
+      store_lanes(s.block, d * d, out.hessian + (begin * 6 + b) * d * d, 6 * d * d, count);
+    }
   }
 }
 

@@ -33,7 +33,7 @@ struct DenseTerm {
 };
 
 // Rows a term has at most; the contact terms leave out points that touch nothing.
-inline int rows_of(DenseKind kind, const ModelView& model) {
+TRAJOPT_HD inline int rows_of(DenseKind kind, const ModelView& model) {
   if (kind == DenseKind::contact_rate || kind == DenseKind::contact_slip) return 3 * model.npoint;
   if (kind == DenseKind::effort) return model.nactuated;
   return kind == DenseKind::physics ? model.nunactuated : 3;
@@ -51,7 +51,7 @@ struct FrameInput {
 };
 
 // The six blocks of the window's upper triangle, in the order they are stored.
-inline constexpr int kWindowBlocks[6][2] = {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}};
+TRAJOPT_TABLE int kWindowBlocks[6][2] = {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}};
 
 struct FrameOutput {   // for frame i = 1..N at index i - 1
   double* constraint;  // N x m

@@ -3,14 +3,9 @@
 #include <algorithm>
 
 #include "trajopt/base/parallel.h"
+#include "trajopt/problem/node_kernels.h"
 
 namespace trajopt {
-
-namespace {
-
-constexpr double kRefineTolerance = 1e-13;  // of the residual relative to the right-hand side
-
-}  // namespace
 
 using linalg::Factorization;
 using linalg::Ordering;
@@ -71,54 +66,58 @@ void KktSystem::put(int row_node, int row, int column_node, int column, int rows
   }
 }
 
-void KktSystem::metric_weights(int node, double* weights) const {
-  // Row f of D2 is x_f - 2 x_{f-1} + x_{f-2}; x_0 and x_{-1} are fixed.
-  const bool next = ring_ || node + 1 < nodes_, after = ring_ || node + 2 < nodes_;
-  weights[0] = 1 + smoothing_ * (1 + (next ? 4 : 0) + (after ? 1 : 0));
-  weights[1] = smoothing_ * (-2 - (next ? 2 : 0));
-  weights[2] = smoothing_;
-}
-
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
-  matrix_.set_zero();
-  std::fill(border_.begin(), border_.end(), 0.0);
-  std::fill(corner_.begin(), corner_.end(), 0.0);
+  const bool in_place = !ring_ && problem_.options().formulation == Formulation::frames;
+  if (!in_place) {
+    matrix_.set_zero();
+    std::fill(border_.begin(), border_.end(), 0.0);
+    std::fill(corner_.begin(), corner_.end(), 0.0);
+  }
   if (nodes_ % 2 != 0) {  // the half block that pads an odd count is the identity
     double* d = matrix_.diagonal(blocks_ - 1);
     for (int i = size_ / 2; i < size_; ++i) d[static_cast<long>(i) * size_ + i] = 1;
   }
-  if (problem_.options().formulation == Formulation::frames) {
-    assemble_frames(lin, identity ? 1.0 : damping, identity);
+  if (identity) damping = 1.0;
+  if (in_place) {
+    assemble_frames(lin, damping, identity);
+  } else if (ring_) {
+    assemble_ring(lin, damping, identity);
   } else {
-    assemble_spline(lin, identity ? 1.0 : damping, identity);
+    assemble_spline(lin, damping, identity);
   }
 }
 
 void KktSystem::assemble_frames(const Linearization& lin, double damping, bool identity) {
+  const KktRows rows{nodes_,
+                     primal_,
+                     dual_,
+                     smoothing_,
+                     damping,
+                     identity ? nullptr : lin.hessian.data(),
+                     lin.jacobian.data(),
+                     matrix_.diagonal(0),
+                     matrix_.lower(0)};
+  const NodeKernels& kernels = node_kernels();
+  parallel_for(blocks_, threads_, [&](long g, int) { kernels.write_block_row(rows, g); });
+}
+
+void KktSystem::assemble_ring(const Linearization& lin, double damping, bool identity) {
   const long d = primal_, m = dual_, n = nodes_;
   const auto window = [&](long f, int block) {
     return lin.hessian.data() + (f * 6 + block) * d * d;
   };
   // One block row at a time: a worker writes its own diagonal and the coupling to the block before.
   parallel_for(blocks_, threads_, [&](long group, int) {
-    for (int i = static_cast<int>(2 * group); i < std::min<long>(2 * group + 2, n); ++i) {
+    for (int i = static_cast<int>(2 * group); i < 2 * group + 2; ++i) {
       double w[3];
-      metric_weights(i, w);
+      metric_weights(smoothing_, i, nodes_, true, w);
       for (int back = 0; back < 3; ++back) {
-        int j = i - back;
-        if (j < 0) {
-          if (!ring_) break;
-          j += static_cast<int>(n);
-        }
+        const int j = (i - back + nodes_) % nodes_;
         // Hessian block (x_i, x_{i-back}): windows of the frames that see both.
         if (!identity) {
           constexpr int kBlocks[3][3] = {{0, 3, 5}, {1, 4, -1}, {2, -1, -1}};
           for (int ahead = 0; ahead + back < 3; ++ahead) {
-            long f = i + ahead;
-            if (f >= n) {
-              if (!ring_) break;
-              f -= n;
-            }
+            const long f = (i + ahead) % n;
             put(i, dual_, j, dual_, primal_, primal_, window(f, kBlocks[back][ahead]), primal_, 1);
           }
         }
@@ -136,22 +135,31 @@ void KktSystem::assemble_frames(const Linearization& lin, double damping, bool i
   });
 }
 
+void KktSystem::shift_multipliers(double by) {
+  const int width = primal_ + dual_;
+  for (int node = 0; node < nodes_; ++node) {
+    const int g = node / 2, first = node % 2 * width;
+    double* block = ring_ && g + 1 == blocks_ ? corner_.data() : matrix_.diagonal(g);
+    for (int k = first; k < first + dual_; ++k) block[static_cast<long>(k) * size_ + k] += by;
+  }
+}
+
 void KktSystem::factor(double epsilon) {
   // -epsilon on the multipliers only: added to the matrix itself, taken out again by refinement.
-  for (int node = 0; node < nodes_; ++node) {
-    const double e = -epsilon;
-    for (int k = 0; k < dual_; ++k) put(node, k, node, k, 1, 1, &e, 1, 1);
+  // The entries are zero otherwise, so taking it back leaves no rounding.
+  shift_multipliers(-epsilon);
+  try {
+    if (ring_) {
+      bordered_->factor(matrix_, border_.data(), corner_.data(), signs_.data(),
+                        signs_.data() + matrix_.rows(), 0.0, threads_);
+    } else {
+      factorization_->factor(matrix_, signs_.data(), 0.0, threads_);
+    }
+  } catch (...) {
+    shift_multipliers(epsilon);
+    throw;
   }
-  if (ring_) {
-    bordered_->factor(matrix_, border_.data(), corner_.data(), signs_.data(),
-                      signs_.data() + matrix_.rows(), 0.0, threads_);
-  } else {
-    factorization_->factor(matrix_, signs_.data(), 0.0, threads_);
-  }
-  for (int node = 0; node < nodes_; ++node) {
-    const double e = epsilon;
-    for (int k = 0; k < dual_; ++k) put(node, k, node, k, 1, 1, &e, 1, 1);
-  }
+  shift_multipliers(epsilon);
 }
 
 void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
@@ -215,28 +223,6 @@ void KktSystem::multiply(const std::vector<double>& x, std::vector<double>& y) c
       yb[j] += e[j] * x[r];
     }
   }
-}
-
-double KktSystem::metric_norm2(const std::vector<double>& x) const {
-  double sum = 0;
-  for (int i = 0; i < nodes_; ++i) {
-    double w[3];
-    metric_weights(i, w);
-    const double* xi = x.data() + offset(i) + dual_;
-    for (int back = 0; back < 3; ++back) {
-      int j = i - back;
-      if (j < 0) {
-        if (!ring_) break;
-        j += nodes_;
-      }
-      if (back > 0 && smoothing_ == 0) break;
-      const double* xj = x.data() + offset(j) + dual_;
-      double dot = 0;
-      for (int k = 0; k < primal_; ++k) dot += xi[k] * xj[k];
-      sum += (back == 0 ? 1 : 2) * w[back] * dot;
-    }
-  }
-  return sum;
 }
 
 }  // namespace trajopt

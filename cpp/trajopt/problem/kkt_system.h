@@ -14,12 +14,16 @@
 #include "trajopt/linalg/block_tridiagonal.h"
 #include "trajopt/linalg/bordered.h"
 #include "trajopt/linalg/factorization.h"
+#include "trajopt/problem/step_rows.h"
 #include "trajopt/problem/trajectory_problem.h"
 
 namespace trajopt {
 
 class KktSystem {
  public:
+  static constexpr int kRefinements = 2;
+  static constexpr double kRefineTolerance = 1e-13;  // of the residual relative to the rhs
+
   KktSystem(const TrajectoryProblem& problem, double smoothing, linalg::Ordering ordering);
 
   int primal() const { return primal_; }
@@ -37,20 +41,23 @@ class KktSystem {
   void factor(double epsilon);
 
   // Solves in place for m right-hand sides, rhs (rows, m) row-major, with up to `refinements`
-  // corrections against the matrix without epsilon.
-  void solve(std::vector<double>& rhs, int m, int refinements = 2);
+  // corrections against the matrix without epsilon. Allocates only when m grows.
+  void solve(std::vector<double>& rhs, int m, int refinements = kRefinements);
 
   // y = K x for the assembled matrix.
   void multiply(const std::vector<double>& x, std::vector<double>& y) const;
 
-  // x^T W x over the tangent part of x.
-  double metric_norm2(const std::vector<double>& x) const;
+  // How the bodies of step_rows.h see the vectors of this system.
+  StepRows step_rows(const double* gradient, const double* constraint, double* steps) const {
+    return {nodes_, primal_, dual_, ring_, smoothing_, gradient, constraint, steps};
+  }
 
   linalg::Ordering ordering() const;
 
  private:
-  struct Band;  // frame-level Hessian blocks
   void assemble_frames(const Linearization& lin, double damping, bool identity);
+  void assemble_ring(const Linearization& lin, double damping, bool identity);
+  void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
   void add_constraints_spline(const Linearization& lin);
   void solve_ring(std::vector<double>& rhs, int m, int refinements);
@@ -58,7 +65,6 @@ class KktSystem {
   // triangle (wrapping into the border for a ring).
   void put(int row_node, int row, int column_node, int column, int rows, int columns,
            const double* block, int row_stride, int column_stride, double scale = 1.0);
-  void metric_weights(int node, double* weights) const;  // of nodes i, i-1, i-2
 
   const TrajectoryProblem& problem_;
   double smoothing_;
@@ -70,7 +76,7 @@ class KktSystem {
   std::unique_ptr<linalg::BorderedFactorization> bordered_;
   std::vector<double> border_, corner_;  // chain rows x size, size x size
   std::vector<signed char> signs_;
-  std::vector<double> rhs_copy_, regularized_;
+  std::vector<double> rhs_copy_;
 };
 
 }  // namespace trajopt

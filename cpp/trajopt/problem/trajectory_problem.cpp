@@ -6,7 +6,7 @@
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/model/configuration.h"
-#include "trajopt/problem/local_terms.h"
+#include "trajopt/problem/node_kernels.h"
 
 namespace trajopt {
 
@@ -60,7 +60,14 @@ TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::v
     term.target = objective_.dense[k].target.empty() ? nullptr : objective_.dense[k].target.data();
     terms_.push_back(term);
   }
-  cost_.resize(static_cast<std::size_t>(frame_count_) * terms_.size());
+  for (const LocalObjective& term : objective_.local) {
+    local_terms_.push_back({term.kind, term.weight.data(), term.dof_weight.data(),
+                            term.target.empty() ? nullptr : term.target.data()});
+  }
+  const std::size_t n = frame_count_;
+  cost_.resize(n * terms_.size());
+  local_cost_.resize(n * local_terms_.size());
+  items_.resize(n);
 }
 
 State TrajectoryProblem::state_from_frames(const double* frames) const {
@@ -104,10 +111,12 @@ void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frame
 void TrajectoryProblem::retract(const State& state, const double* step, State& out) const {
   const int nq = model_.nq, d = model_.ndof;
   out.resize(state.size());
-  for (int i = 0; i < nodes_; ++i) {
-    integrate(model_, state.data() + static_cast<std::size_t>(i) * nq, step + i * primal_,
-              out.data() + static_cast<std::size_t>(i) * nq);
-  }
+  const ModelView model = view(model_);
+  const NodeKernels& kernels = node_kernels();
+  parallel_for(tree_chunks(nodes_), options_.threads, [&](long chunk, int) {
+    const long begin = chunk * kTreeWidth, end = std::min<long>(begin + kTreeWidth, nodes_);
+    kernels.retract(model, begin, end, state.data(), step, primal_, out.data());
+  });
   if (spline_) {
     const std::size_t base = static_cast<std::size_t>(nodes_) * nq;
     for (int i = 0; i < nodes_; ++i)
@@ -133,6 +142,17 @@ void TrajectoryProblem::linearize(const State& state, double augmentation, Evalu
   reduce_gradient(lin);
 }
 
+FrameInput TrajectoryProblem::frame_input(const double* frames, double augmentation) const {
+  return {view(model_),
+          &physics_,
+          stencils_.data(),
+          dt_.data(),
+          frames,
+          terms_.data(),
+          static_cast<int>(terms_.size()),
+          augmentation};
+}
+
 void TrajectoryProblem::run(const State& state, double augmentation, Evaluation& out,
                             Linearization* lin) {
   const long n = frame_count_, d = model_.ndof;
@@ -145,14 +165,7 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
     lin->gradient.resize(n * 3 * d);
     lin->jacobian.resize(n * 3 * m * d);
   }
-  const FrameInput in{view(model_),
-                      &physics_,
-                      stencils_.data(),
-                      dt_.data(),
-                      out.frames.data(),
-                      terms_.data(),
-                      static_cast<int>(terms_.size()),
-                      augmentation};
+  const FrameInput in = frame_input(out.frames.data(), augmentation);
   const FrameOutput frame_out{out.frame_constraint.data(),
                               out.torque.data(),
                               cost_.data(),
@@ -168,73 +181,69 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
     scratch_bytes_ = bytes;
   }
   const auto kernel = lin ? kernels.linearize : kernels.evaluate;
+  const auto local_kernel = node_kernels().local_term;
   parallel_for((n + kernels.lanes - 1) / kernels.lanes, workers, [&](long group, int worker) {
     const long begin = group * kernels.lanes;
-    kernel(in, begin, static_cast<int>(std::min<long>(kernels.lanes, n - begin)),
-           scratch_[worker].get(), frame_out);
+    const long end = std::min<long>(begin + kernels.lanes, n);
+    kernel(in, begin, static_cast<int>(end - begin), scratch_[worker].get(), frame_out);
+    for (std::size_t k = 0; k < local_terms_.size(); ++k) {  // while the windows are in cache
+      local_kernel(in, local_terms_[k], begin, end, frame_out.hessian, frame_out.gradient,
+                   local_cost_.data() + k * n);
+    }
   });
 
   out.terms.assign(objective_.size(), 0.0);
-  for (std::size_t k = 0; k < terms_.size(); ++k)
-    for (long i = 0; i < n; ++i) out.terms[k] += cost_[i * terms_.size() + k];
-  add_external_terms(out, lin);
+  std::size_t index = 0;
+  for (std::size_t k = 0; k < terms_.size(); ++k) {
+    for (long f = 0; f < n; ++f) items_[f] = cost_[f * terms_.size() + k];
+    out.terms[index++] = folded<Sum>(items_.data(), n);
+  }
+  for (std::size_t k = 0; k < local_terms_.size(); ++k)
+    out.terms[index++] = folded<Sum>(local_cost_.data() + k * n, n);
+  for (const CallbackObjective& term : objective_.callbacks) {
+    add_callback(term, out, lin);
+    out.terms[index++] = folded<Sum>(items_.data(), n);
+  }
   out.objective = 0;
   for (double t : out.terms) out.objective += t;
 
   reduce_constraint(out.frame_constraint, out.constraint);
-  const auto max_abs = [](const std::vector<double>& v) {
+  const auto largest = [](const std::vector<double>& v) {
     double r = 0;
-    for (double x : v) r = std::isfinite(x) ? std::max(r, std::abs(x)) : HUGE_VAL;
+    for (double x : v) r = Largest{}(r, magnitude(x));
     return r;
   };
-  out.constraint_norm = max_abs(out.constraint);
-  out.frame_violation = max_abs(out.frame_constraint);
+  out.frame_violation = largest(out.frame_constraint);
+  out.constraint_norm = spline_ ? largest(out.constraint) : out.frame_violation;
 }
 
-void TrajectoryProblem::add_external_terms(Evaluation& out, Linearization* lin) {
-  const long n = frame_count_, d = model_.ndof;
-  const std::size_t nq = model_.nq;
-  std::size_t index = terms_.size();
-  const auto frame = [&](long f) {
-    const double* x = out.frames.data() + (f + 2) * nq;
-    return LocalFrame{f, {x, x - nq, x - 2 * nq}, dt_[f + 1], dt_[f]};
-  };
-  local_cost_.resize(n);
-  for (const LocalObjective& term : objective_.local) {
-    parallel_for(n, options_.threads, [&](long f, int) {
-      local_cost_[f] = add_local_term(model_, term, frame(f),
-                                      lin ? lin->hessian.data() + f * 6 * d * d : nullptr,
-                                      lin ? lin->gradient.data() + f * 3 * d : nullptr);
-    });
-    for (long f = 0; f < n; ++f) out.terms[index] += local_cost_[f];
-    ++index;
-  }
-  for (const CallbackObjective& term : objective_.callbacks) {
-    const long rows = term.rows;
-    callback_residual_.resize(n * rows);
-    if (lin) callback_jacobian_.resize(n * rows * 3 * d);
-    term.evaluate(out.frames.data(), callback_residual_.data(),
-                  lin ? callback_jacobian_.data() : nullptr);
-    for (double r : callback_residual_) out.terms[index] += term.weight * r * r;
-    ++index;
-    if (!lin) continue;
-    const double c = 2 * term.weight;
-    parallel_for(n, options_.threads, [&](long f, int) {
-      const double* r = callback_residual_.data() + f * rows;
-      const double* j = callback_jacobian_.data() + f * rows * 3 * d;
-      double* g = lin->gradient.data() + f * 3 * d;
-      for (long row = 0; row < rows; ++row) {
-        const double* jr = j + row * 3 * d;
-        for (long i = 0; i < 3 * d; ++i) g[i] += c * jr[i] * r[row];
-        for (int b = 0; b < 6; ++b) {
-          double* h = lin->hessian.data() + (f * 6 + b) * d * d;
-          const double *ja = jr + kWindowBlocks[b][0] * d, *jb = jr + kWindowBlocks[b][1] * d;
-          for (long i = 0; i < d; ++i)
-            for (long k = 0; k < d; ++k) h[i * d + k] += c * ja[i] * jb[k];
-        }
+// Leaves the cost of every frame in items_.
+void TrajectoryProblem::add_callback(const CallbackObjective& term, const Evaluation& out,
+                                     Linearization* lin) {
+  const long n = frame_count_, d = model_.ndof, rows = term.rows;
+  callback_residual_.resize(n * rows);
+  if (lin) callback_jacobian_.resize(n * rows * 3 * d);
+  term.evaluate(out.frames.data(), callback_residual_.data(),
+                lin ? callback_jacobian_.data() : nullptr);
+  const double c = 2 * term.weight;
+  parallel_for(n, options_.threads, [&](long f, int) {
+    const double* r = callback_residual_.data() + f * rows;
+    items_[f] = 0;
+    for (long row = 0; row < rows; ++row) items_[f] += term.weight * r[row] * r[row];
+    if (!lin) return;
+    const double* j = callback_jacobian_.data() + f * rows * 3 * d;
+    double* g = lin->gradient.data() + f * 3 * d;
+    for (long row = 0; row < rows; ++row) {
+      const double* jr = j + row * 3 * d;
+      for (long i = 0; i < 3 * d; ++i) g[i] += c * jr[i] * r[row];
+      for (int b = 0; b < 6; ++b) {
+        double* h = lin->hessian.data() + (f * 6 + b) * d * d;
+        const double *ja = jr + kWindowBlocks[b][0] * d, *jb = jr + kWindowBlocks[b][1] * d;
+        for (long i = 0; i < d; ++i)
+          for (long k = 0; k < d; ++k) h[i * d + k] += c * ja[i] * jb[k];
       }
-    });
-  }
+    }
+  });
 }
 
 void TrajectoryProblem::reduce_constraint(const std::vector<double>& frame_constraint,
@@ -256,25 +265,22 @@ void TrajectoryProblem::reduce_constraint(const std::vector<double>& frame_const
 
 void TrajectoryProblem::reduce_gradient(Linearization& lin) const {
   const int n = frame_count_, d = model_.ndof;
+  const NodeKernels& kernels = node_kernels();
+  const auto gather = [&](double* out) {  // by frame
+    parallel_for(tree_chunks(n), options_.threads, [&](long chunk, int) {
+      const long begin = chunk * kTreeWidth, end = std::min<long>(begin + kTreeWidth, n);
+      kernels.gather_gradient(lin.gradient.data(), n, d, options_.periodic, begin, end, out);
+    });
+  };
+  if (!spline_) {
+    lin.node_gradient.resize(static_cast<std::size_t>(n) * d);
+    return gather(lin.node_gradient.data());
+  }
+  std::vector<double> by_frame(static_cast<std::size_t>(n) * d);
+  gather(by_frame.data());
   lin.node_gradient.assign(static_cast<std::size_t>(nodes_) * primal_, 0.0);
-  std::vector<double> g(d);
-  for (int i = 1; i <= n; ++i) {  // total gradient by frame i: windows i, i+1, i+2
-    for (int k = 0; k < d; ++k) {
-      double sum = 0;
-      for (int q = 0; q < 3; ++q) {
-        int f = i - 1 + q;
-        if (f >= n) {
-          if (!options_.periodic) break;
-          f -= n;
-        }
-        sum += lin.gradient[(static_cast<std::size_t>(f) * 3 + q) * d + k];
-      }
-      g[k] = sum;
-    }
-    if (!spline_) {
-      std::copy(g.begin(), g.end(), lin.node_gradient.begin() + static_cast<long>(i - 1) * d);
-      continue;
-    }
+  for (int i = 1; i <= n; ++i) {
+    const double* g = by_frame.data() + static_cast<std::size_t>(i - 1) * d;
     for (const SplineWeight& w : spline_->weights(i).weights) {
       if (w.node < 0) continue;
       double* out = lin.node_gradient.data() + w.node * primal_ + w.half * d;

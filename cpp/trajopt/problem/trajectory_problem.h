@@ -16,6 +16,7 @@
 #include "trajopt/base/buffer.h"
 #include "trajopt/force/physics.h"
 #include "trajopt/model/model.h"
+#include "trajopt/problem/local_terms.h"
 #include "trajopt/problem/objective.h"
 #include "trajopt/trajectory/hermite.h"
 
@@ -70,6 +71,12 @@ class TrajectoryProblem {
   int primal() const { return primal_; }
   int dual() const { return dual_; }
   double dt(int frame) const { return dt_[frame]; }
+  const std::vector<double>& dt() const { return dt_; }
+  const std::vector<Stencil>& stencils() const { return stencils_; }
+  const std::vector<double>& initial() const { return initial_; }
+  const std::vector<DenseTerm>& dense_terms() const { return terms_; }
+  const std::vector<LocalTerm>& local_terms() const { return local_terms_; }
+  FrameInput frame_input(const double* frames, double augmentation) const;
 
   State state_from_frames(const double* frames) const;                     // N x nq: x_1 .. x_N
   void frames_of(const State& state, std::vector<double>& frames) const;   // (N + 2) x nq
@@ -85,7 +92,7 @@ class TrajectoryProblem {
 
  private:
   void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
-  void add_external_terms(Evaluation& out, Linearization* lin);
+  void add_callback(const CallbackObjective& term, const Evaluation& out, Linearization* lin);
   void reduce_gradient(Linearization& lin) const;
 
   Model model_;
@@ -99,9 +106,13 @@ class TrajectoryProblem {
   std::vector<Stencil> stencils_;
   std::vector<std::vector<double>> scales_;  // per dense term: sqrt(2 weight)
   std::vector<DenseTerm> terms_;
+  std::vector<LocalTerm> local_terms_;
   std::vector<AlignedBuffer> scratch_;  // per worker
   std::size_t scratch_bytes_ = 0;
-  std::vector<double> cost_, callback_residual_, callback_jacobian_, local_cost_;
+  std::vector<double> cost_;        // N x dense terms
+  std::vector<double> local_cost_;  // local terms x N
+  std::vector<double> items_;       // N: what is being summed
+  std::vector<double> callback_residual_, callback_jacobian_;
 };
 
 }  // namespace trajopt

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <optional>
 
-#include "trajopt/base/error.h"
 #include "trajopt/solver/stopwatch.h"
 
 namespace trajopt {
@@ -33,21 +32,19 @@ std::string format(const char* text, Args... args) {
 
 class FunnelSolver {
  public:
-  FunnelSolver(TrajectoryProblem& problem, const FunnelOptions& options, State& state,
-               const Observer& observer)
-      : problem_(problem),
+  FunnelSolver(SqpExecutor& executor, const FunnelOptions& options, const Observer& observer)
+      : executor_(executor),
         options_(options),
-        state_(state),
         observer_(observer),
-        kkt_(problem, options.smoothing, options.ordering),
         funnel_(options.funnel),
         narrow_(options.funnel),
         damping_(options.damping),
-        normal_radius_(options.normal_radius) {}
+        normal_radius_(options.normal_radius),
+        recent_(static_cast<std::size_t>(std::max(options.window, 0)) + 1) {}
 
   Result run() {
     linearize();
-    if (!std::isfinite(current_.objective) || !std::isfinite(current_.frame_violation)) {
+    if (!current_.finite()) {
       return {Status::numerical_failure, "the initial guess gives values that are not finite", 0};
     }
     funnel_ = std::max(funnel_, 1.25 * current_.constraint_norm);
@@ -63,22 +60,18 @@ class FunnelSolver {
       if (kept || !settled || round == kMaxRounds || iteration_ >= options_.max_iterations) {
         return conclude(settled);
       }
-      history_.clear();
+      fallen_ = 0;
       narrow_ = funnel_ = floor();
       damping_ = std::max(damping_, options_.damping);
     }
   }
 
  private:
-  void linearize() {
-    problem_.linearize(state_, options_.augmentation, current_, lin_);
-    pending_.dynamics += watch_.lap();
-  }
+  void linearize() { current_ = executor_.linearize(); }
 
   // Steps until the objective has settled (true) or the limit is reached.
   bool descend() {
     while (iteration_ < options_.max_iterations && damping_ < kMaxDamping) {
-      begin_record();
       if (!step()) {
         stop_ = failure();
         return false;
@@ -89,136 +82,39 @@ class FunnelSolver {
     return false;
   }
 
-  void begin_record() {
-    record_ = {};
-    record_.seconds = pending_;
-    pending_ = {};
-  }
-
   // Factors K at the current damping; raises it while the matrix has the wrong inertia.
   bool factor() {
     for (int attempt = 0; attempt < 8; ++attempt) {
-      kkt_.assemble(lin_, damping_);
-      record_.seconds.assembly += watch_.lap();
-      try {
-        kkt_.factor(options_.epsilon);
-        record_.seconds.factorization += watch_.lap();
-        return true;
-      } catch (const FactorizationError& error) {
-        record_.seconds.factorization += watch_.lap();
-        factor_error_ = error.what();
-        damping_ = std::max(10 * damping_, 1e-8);
-      }
+      if (executor_.factor(damping_)) return true;
+      damping_ = std::max(10 * damping_, 1e-8);
     }
     return false;
   }
 
-  // Columns: tangential step t (A t = 0) and normal step n (A n = -C).
-  void solve_steps() {
-    rhs_.assign(2 * kkt_.rows(), 0.0);
-    for (int i = 0; i < kkt_.nodes(); ++i) {
-      const long at = kkt_.offset(i);
-      for (int k = 0; k < kkt_.dual(); ++k)
-        rhs_[2 * (at + k) + 1] = -current_.constraint[static_cast<long>(i) * kkt_.dual() + k];
-      for (int k = 0; k < kkt_.primal(); ++k)
-        rhs_[2 * (at + kkt_.dual() + k)] =
-            -lin_.node_gradient[static_cast<long>(i) * kkt_.primal() + k];
-    }
-    kkt_.solve(rhs_, 2);
-    multiplier_ = 0;
-    for (int i = 0; i < kkt_.nodes(); ++i)
-      for (int k = 0; k < kkt_.dual(); ++k) {
-        const long at = 2 * (kkt_.offset(i) + k);
-        multiplier_ = std::max(multiplier_, std::abs(rhs_[at] + rhs_[at + 1]));
-      }
-    tangential_.resize(kkt_.rows());
-    normal_.resize(kkt_.rows());
-    for (long r = 0; r < kkt_.rows(); ++r) {
-      tangential_[r] = rhs_[2 * r];
-      normal_[r] = rhs_[2 * r + 1];
-    }
-    record_.seconds.solve += watch_.lap();
-  }
-
-  std::vector<double> tangent(const std::vector<double>& v) const {
-    std::vector<double> out(static_cast<std::size_t>(kkt_.nodes()) * kkt_.primal());
-    for (int i = 0; i < kkt_.nodes(); ++i)
-      std::copy_n(v.begin() + kkt_.offset(i) + kkt_.dual(), kkt_.primal(),
-                  out.begin() + static_cast<long>(i) * kkt_.primal());
-    return out;
-  }
-
-  // Decrease of g.d + d.H d / 2 along d; `shortfall`: A d = -shortfall * C.
-  double predicted_decrease(const std::vector<double>& d, double shortfall) {
-    std::vector<double> x(d);
-    for (int i = 0; i < kkt_.nodes(); ++i) {  // multipliers off; padding is zero in d already
-      std::fill_n(x.begin() + kkt_.offset(i), kkt_.dual(), 0.0);
-    }
-    kkt_.multiply(x, product_);
-    double quadratic = 0, linear = 0;
-    for (int i = 0; i < kkt_.nodes(); ++i) {
-      const long at = kkt_.offset(i) + kkt_.dual();
-      for (int k = 0; k < kkt_.primal(); ++k) {
-        quadratic += x[at + k] * product_[at + k];
-        linear += x[at + k] * lin_.node_gradient[static_cast<long>(i) * kkt_.primal() + k];
-      }
-    }
-    double augmented = 0;
-    if (problem_.options().formulation == Formulation::frames) {
-      for (double c : current_.constraint) augmented += c * c;
-      augmented *= options_.augmentation * shortfall * shortfall;
-    }
-    quadratic -= damping_ * kkt_.metric_norm2(x) + augmented;
-    return -(linear + 0.5 * quadratic);
-  }
-
-  bool trial(const std::vector<double>& d) {
-    problem_.retract(state_, tangent(d).data(), trial_state_);
-    problem_.evaluate(trial_state_, trial_);
-    record_.seconds.dynamics += watch_.lap();
-    return std::isfinite(trial_.objective) && std::isfinite(trial_.constraint_norm);
-  }
-
-  // d += K^-1 [.; -(C(x + d) - (1 - zeta) C)] with the factorization at hand.
-  void correct(std::vector<double>& d, double zeta) {
-    rhs_.assign(kkt_.rows(), 0.0);
-    for (int i = 0; i < kkt_.nodes(); ++i)
-      for (int k = 0; k < kkt_.dual(); ++k) {
-        const long c = static_cast<long>(i) * kkt_.dual() + k;
-        rhs_[kkt_.offset(i) + k] = -(trial_.constraint[c] - (1 - zeta) * current_.constraint[c]);
-      }
-    kkt_.solve(rhs_, 1, 0);  // a correction need not be exact
-    for (long r = 0; r < kkt_.rows(); ++r) d[r] += rhs_[r];
-    record_.seconds.solve += watch_.lap();
+  double predicted_decrease(double ct, double cn) const {
+    return steps_.predicted_decrease(ct, cn, damping_, options_.augmentation);
   }
 
   // One iteration: a step at the current linearization, accepted or not.
   bool step() {
     if (!factor()) return false;
-    solve_steps();
-    const double normal_length = std::sqrt(kkt_.metric_norm2(normal_));
+    steps_ = executor_.solve_steps();
+    record_.gain_ratio = 0;
+    const double normal_length = steps_.norm(0, 1);
     const double zeta = normal_length > normal_radius_ ? normal_radius_ / normal_length : 1.0;
-    std::vector<double> d(tangential_);
-    for (long r = 0; r < kkt_.rows(); ++r) d[r] += zeta * normal_[r];
-    record_.step_norm = std::sqrt(kkt_.metric_norm2(d));
-    const double tangential_decrease = predicted_decrease(tangential_, 0.0);
-    const double predicted = predicted_decrease(d, zeta);
-    bool finite = trial(d);
+    record_.step_norm = steps_.norm(1, zeta);
+    const double tangential_decrease = predicted_decrease(1, 0);
+    const double predicted = predicted_decrease(1, zeta);
+    trial_ = executor_.try_step(1, zeta);
+    const bool finite = trial_.finite();
     for (int k = 0; finite && k < options_.corrections; ++k) {
       if (trial_.constraint_norm <= 0.1 * options_.constraint_tolerance) break;
-      std::swap(best_trial_, trial_);
-      std::swap(best_state_, trial_state_);
-      std::vector<double> corrected(d);
-      trial_.constraint = best_trial_.constraint;
-      correct(corrected, zeta);
-      finite = trial(corrected);
-      if (!finite || trial_.constraint_norm > best_trial_.constraint_norm) {
-        std::swap(best_trial_, trial_);
-        std::swap(best_state_, trial_state_);
-        finite = true;
+      const PointValues corrected = executor_.try_correction(zeta);
+      if (!corrected.finite() || corrected.constraint_norm > trial_.constraint_norm) {
+        executor_.undo_correction();
         break;
       }
-      d = std::move(corrected);
+      trial_ = corrected;
     }
 
     // At the optimum nothing is left to gain, and what differs is rounding: no step is acceptable.
@@ -233,8 +129,7 @@ class FunnelSolver {
       const double cube = (2 * rho - 1) * (2 * rho - 1) * (2 * rho - 1);
       damping_ = std::max(damping_ * std::max(kShrink, 1 - cube), kMinDamping);
       growth_ = 2;
-      state_ = trial_state_;
-      linearize();
+      move();
       // A funnel opened for a bad start closes behind the iterates.
       funnel_ = std::max(std::min(funnel_, 1.25 * current_.constraint_norm), narrow_);
       normal_radius_ = std::min(2 * normal_radius_, options_.normal_radius);
@@ -245,6 +140,13 @@ class FunnelSolver {
       growth_ *= 2;
     }
     return true;
+  }
+
+  // To the trial. The time of its linearization belongs to the next iteration.
+  void move() {
+    executor_.accept();
+    record_.seconds = executor_.take_seconds();
+    linearize();
   }
 
   // Is the trial good enough? Sets the gain ratio that steers the damping.
@@ -262,7 +164,7 @@ class FunnelSolver {
       return true;
     }
     // Neither alone: the two together, weighed by the multipliers.
-    const double weight = kMeritFactor * multiplier_;
+    const double weight = kMeritFactor * steps_.item[kMultiplier];
     const double merit = actual + weight * restored;
     const double expected = std::max(predicted, 0.0) + weight * zeta * violation;
     if (restored < kRestore * zeta * violation || merit < kMeritShare * expected) return false;
@@ -274,14 +176,15 @@ class FunnelSolver {
 
   // Hands the record to the observer; false: stop, with stop_ set.
   bool report() {
+    if (!record_.accepted) record_.seconds = executor_.take_seconds();
     record_.iteration = iteration_++;
     record_.objective = current_.objective;
-    record_.terms = current_.terms;
+    record_.terms = executor_.terms();
     record_.constraint_norm = current_.constraint_norm;
     record_.frame_violation = current_.frame_violation;
     record_.penalty = funnel_;
     record_.elapsed = watch_.total();
-    if (!observer_ || observer_(record_, state_)) return true;
+    if (!observer_ || observer_(record_, executor_.state())) return true;
     stop_ = {Status::interrupted,
              format("stopped on request; objective %.6g, |C| = %.2e body weights",
                     current_.objective, current_.constraint_norm),
@@ -293,19 +196,18 @@ class FunnelSolver {
   bool has_settled() {
     if (flat_) return true;
     if (!record_.accepted) return false;
-    history_.push_back(current_.objective);
-    const int window = options_.window;
-    if (static_cast<int>(history_.size()) <= window) return false;
-    const double before = history_[history_.size() - 1 - window];
+    recent_[fallen_++ % recent_.size()] = current_.objective;
+    if (fallen_ < recent_.size()) return false;
+    const double before = recent_[fallen_ % recent_.size()];
     const double change = options_.objective_tolerance * std::abs(before);
     if (before - current_.objective > change) return false;
     if (current_.objective - before > change) {  // physics was restored at its expense: go on
-      history_.clear();
+      fallen_ = 0;
       return false;
     }
     if (current_.constraint_norm <= floor()) return true;
     narrow_ = funnel_ = std::max(std::min(0.3 * funnel_, 0.5 * current_.constraint_norm), floor());
-    history_.clear();
+    fallen_ = 0;
     return false;
   }
 
@@ -316,28 +218,23 @@ class FunnelSolver {
     double limit = options_.normal_radius;
     for (int k = 0; k < kMaxRestorations; ++k) {
       if (current_.constraint_norm <= options_.constraint_tolerance) break;
-      begin_record();
       if (!factor()) {
         stop_ = failure();
         return;
       }
-      solve_steps();
-      const double length = std::sqrt(kkt_.metric_norm2(normal_));
+      steps_ = executor_.solve_steps();
+      const double length = steps_.norm(0, 1);
       const double zeta = std::min(1.0, limit / std::max(length, 1e-300));
-      std::vector<double> d(normal_);
-      for (double& v : d) v *= zeta;
-      bool finite = trial(d);
-      for (int c = 0; finite && c < options_.corrections; ++c) {
-        correct(d, zeta);
-        finite = trial(d);
-      }
+      trial_ = executor_.try_step(0, zeta);
+      for (int c = 0; trial_.finite() && c < options_.corrections; ++c)
+        trial_ = executor_.try_correction(zeta);
+      record_.gain_ratio = 0;
       record_.step_norm = zeta * length;
       record_.damping = damping_;
-      record_.accepted =
-          finite && trial_.constraint_norm < (1 - kRestore * zeta) * current_.constraint_norm;
+      record_.accepted = trial_.finite() &&
+                         trial_.constraint_norm < (1 - kRestore * zeta) * current_.constraint_norm;
       if (record_.accepted) {
-        state_ = trial_state_;
-        linearize();
+        move();
         limit = std::min(2 * limit, options_.normal_radius);
       } else {
         limit = 0.25 * zeta * length;
@@ -379,26 +276,22 @@ class FunnelSolver {
   }
 
   Result failure() const {
-    return {
-        Status::numerical_failure,
-        format("the KKT matrix could not be factored at damping %.1e: ", damping_) + factor_error_,
-        iteration_};
+    return {Status::numerical_failure,
+            format("the KKT matrix could not be factored at damping %.1e: ", damping_) +
+                executor_.error(),
+            iteration_};
   }
 
-  TrajectoryProblem& problem_;
+  SqpExecutor& executor_;
   const FunnelOptions options_;
-  State& state_;
   const Observer& observer_;
-  KktSystem kkt_;
-  Stopwatch watch_;
-  double funnel_, narrow_, damping_, normal_radius_, growth_ = 2, multiplier_ = 0;
-  Evaluation current_, trial_, best_trial_;
-  State trial_state_, best_state_;
-  Linearization lin_;
-  std::vector<double> rhs_, tangential_, normal_, product_, history_;
+  const Stopwatch watch_;
+  double funnel_, narrow_, damping_, normal_radius_, growth_ = 2;
+  PointValues current_, trial_;
+  StepValues steps_{};
+  std::vector<double> recent_;  // objective after the last window + 1 accepted steps, a ring
+  std::size_t fallen_ = 0;      // accepted steps that count for it
   IterationRecord record_;
-  PhaseSeconds pending_;
-  std::string factor_error_;
   std::optional<Result> stop_;
   int iteration_ = 0;
   bool flat_ = false;
@@ -423,9 +316,16 @@ const char* status_name(Status status) {
   }
 }
 
+Result solve_funnel(SqpExecutor& executor, const FunnelOptions& options, const Observer& observer) {
+  const Result result = FunnelSolver(executor, options, observer).run();
+  executor.state();  // an executor on a device may not have fetched the last one yet
+  return result;
+}
+
 Result solve_funnel(TrajectoryProblem& problem, const FunnelOptions& options, State& state,
                     const Observer& observer) {
-  return FunnelSolver(problem, options, state, observer).run();
+  const auto executor = make_cpu_executor(problem, executor_options(options), state);
+  return solve_funnel(*executor, options, observer);
 }
 
 }  // namespace trajopt

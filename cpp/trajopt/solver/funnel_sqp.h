@@ -10,8 +10,7 @@
 // narrows the funnel. When the objective has settled, pure restoration steps finish the physics.
 #pragma once
 
-#include "trajopt/problem/kkt_system.h"
-#include "trajopt/solver/solver.h"
+#include "trajopt/solver/executor.h"
 
 namespace trajopt {
 
@@ -31,7 +30,14 @@ struct FunnelOptions {
   linalg::Ordering ordering = linalg::Ordering::automatic;
 };
 
-// Improves `state` in place; it always holds the best iterate.
+inline ExecutorOptions executor_options(const FunnelOptions& o) {
+  return {o.smoothing, o.augmentation, o.epsilon, o.ordering};
+}
+
+// Improves the executor's state, which always is the best iterate.
+Result solve_funnel(SqpExecutor& executor, const FunnelOptions& options, const Observer& observer);
+
+// The same on the processor, on `state` in place.
 Result solve_funnel(TrajectoryProblem& problem, const FunnelOptions& options, State& state,
                     const Observer& observer);
 

@@ -107,16 +107,16 @@ TEST_P(BlockKernelsTest, Update) {
   Matrix expected;
   reference::update(n, source, expected, v.matrix(), u.matrix());
   const Padded whole(n, n), lower(n, n), negative(n, n);
-  kernels().update(n, n, n, from.data(), from.ld(), whole.data(), whole.ld(), v.data(), u.data(),
-                   v.ld(), false);
+  kernels().update(n, n, n, from.data(), from.ld(), whole.data(), whole.ld(), v.data(), v.ld(),
+                   u.data(), u.ld(), false);
   expect_same_bits(whole.matrix(), expected, "whole");
-  kernels().update(n, n, n, from.data(), from.ld(), lower.data(), lower.ld(), v.data(), u.data(),
-                   v.ld(), true);
+  kernels().update(n, n, n, from.data(), from.ld(), lower.data(), lower.ld(), v.data(), v.ld(),
+                   u.data(), u.ld(), true);
   expect_same_bits(lower_triangle(lower.matrix(), n, false), lower_triangle(expected, n, false),
                    "lower");
   reference::update(n, Matrix(source.size(), 0.0), expected, v.matrix(), u.matrix());
-  kernels().update(n, n, n, nullptr, 0, negative.data(), negative.ld(), v.data(), u.data(), v.ld(),
-                   false);
+  kernels().update(n, n, n, nullptr, 0, negative.data(), negative.ld(), v.data(), v.ld(), u.data(),
+                   u.ld(), false);
   expect_same_bits(negative.matrix(), expected, "from zero");
 }
 
@@ -136,16 +136,18 @@ TEST_P(BlockKernelsTest, Vectors) {
   const int n = size();
   const Padded w(n, n, random(n, n, 8));
   const Matrix matrix = w.matrix();
+  const BlockBuffer packed(PackedTriangle<double>::length(n));
+  kernels().pack(n, w.data(), w.ld(), packed.data());
   for (int m : {1, 2, 5, 8, 17, 25}) {
     if (n > 100 && m > 5) continue;
     const Matrix x = random(n, m, 9), start = random(n, m, 10);
     Matrix actual = start, expected = start;
-    kernels().subtract(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m);
+    kernels().subtract(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
     reference::subtract(n, n, matrix, x, expected, m);
     expect_same_bits(actual, expected, "subtract");
 
     actual = expected = start;
-    kernels().subtract_transposed(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m);
+    kernels().subtract_transposed(n, n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
     reference::subtract_transposed(n, n, matrix, x, expected, m);
     expect_same_bits(actual, expected, "subtract_transposed");
 
@@ -155,12 +157,12 @@ TEST_P(BlockKernelsTest, Vectors) {
     expect_same_bits(actual, expected, "subtract_symmetric");
 
     actual = expected = start;
-    kernels().substitute(n, w.data(), w.ld(), actual.data(), m, m);
+    kernels().substitute(n, packed.data(), actual.data(), m, m, 0);
     reference::substitute(n, matrix, expected, m);
     expect_same_bits(actual, expected, "substitute");
 
     actual = expected = start;
-    kernels().substitute_transposed(n, w.data(), w.ld(), actual.data(), m, m);
+    kernels().substitute_transposed(n, packed.data(), actual.data(), m, m, 0);
     reference::substitute_transposed(n, matrix, expected, m);
     expect_same_bits(actual, expected, "substitute_transposed");
   }
@@ -171,11 +173,11 @@ TEST_P(BlockKernelsTest, RectangularProducts) {
   const Padded v(rows, columns, random(rows, columns, 11));
   for (int m : {1, 3}) {
     Matrix y = random(rows, m, 12), x = random(columns, m, 13), expected = y;
-    kernels().subtract(rows, columns, v.data(), v.ld(), x.data(), y.data(), m, m, m);
+    kernels().subtract(rows, columns, v.data(), v.ld(), x.data(), y.data(), m, m, m, 0);
     reference::subtract(rows, columns, v.matrix(), x, expected, m);
     expect_same_bits(y, expected, "subtract");
     expected = x;
-    kernels().subtract_transposed(rows, columns, v.data(), v.ld(), y.data(), x.data(), m, m, m);
+    kernels().subtract_transposed(rows, columns, v.data(), v.ld(), y.data(), x.data(), m, m, m, 0);
     reference::subtract_transposed(rows, columns, v.matrix(), y, expected, m);
     expect_same_bits(x, expected, "subtract_transposed");
   }

@@ -90,6 +90,27 @@ TEST_P(RandomSystem, AColumnDoesNotDependOnItsCompany) {
   }
 }
 
+TEST_P(RandomSystem, SameBitsAroundTheCaches) {
+  fill_random(a, signs.data(), 7);
+  const std::vector<double> rhs = random_vector(a.rows(), 8);
+  const bool slow_portable = a.rows() * size() > 20000;
+  for (Ordering ordering : kOrderings) {
+    const Schedule schedule = make_schedule(blocks(), ordering, 3);
+    std::vector<double> expected;
+    for (Isa isa : {Isa::avx512, Isa::avx2, Isa::portable}) {
+      if (isa == Isa::portable && slow_portable) continue;
+      for (Storage storage : {Storage::cached, Storage::streamed}) {
+        Factors<double> factors(blocks(), size(), 1, schedule, isa, storage);
+        EXPECT_TRUE(factors.factor(a, signs.data(), 1e-3, 2));
+        std::vector<double> x = rhs;
+        factors.solve(0, x.data(), 1, 1);
+        if (expected.empty()) expected = x;
+        EXPECT_EQ(x, expected) << ordering_name(ordering) << " " << isa_name(isa);
+      }
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Shapes, RandomSystem,
                          testing::Values(std::tuple{1, 1}, std::tuple{1, 7}, std::tuple{2, 1},
                                          std::tuple{2, 5}, std::tuple{3, 4}, std::tuple{5, 3},

@@ -3,9 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <utility>
 
 #include "problem/fixtures.h"
+#include "trajopt/problem/node_kernels.h"
 
 namespace trajopt {
 namespace {
@@ -145,26 +147,47 @@ TEST_P(Kkt, HessianOfEffort) {
   }
 }
 
-// The trust-region metric: what damping multiplies, and what metric_norm2 measures.
+// t.W t, t.W n and n.W n of two random steps.
+std::array<double, 3> metric(const KktSystem& kkt, const Linearized& l,
+                             const std::vector<double>& t, const std::vector<double>& n) {
+  std::vector<double> steps;
+  for (std::size_t i = 0; i < t.size(); ++i) steps.insert(steps.end(), {t[i], n[i]});
+  std::vector<double> items(static_cast<std::size_t>(kStepItems) * kkt.nodes());
+  const StepRows rows =
+      kkt.step_rows(l.lin.node_gradient.data(), l.e.constraint.data(), steps.data());
+  node_kernels().measure_steps(rows, 0, kkt.nodes(), items.data(), kkt.nodes());
+  std::array<double, 3> sums;
+  for (int k = 0; k < 3; ++k) sums[k] = folded<Sum>(items.data() + k * kkt.nodes(), kkt.nodes());
+  return sums;
+}
+
+// The trust-region metric: what damping multiplies, and what measure_steps() measures.
 TEST_P(Kkt, Metric) {
   const Linearized l = linearize(test::make_case(GetParam().setup));
   for (double smoothing : {0.0, 60.0}) {
     KktSystem kkt(*l.c.problem, smoothing, Ordering::sequential);
     test::Random random(4);
-    std::vector<double> x(kkt.rows(), 0.0), with, without;
-    for (std::size_t j = 0; j < l.lin.node_gradient.size(); ++j)
+    std::vector<double> x(kkt.rows(), 0.0), y(x), with, without;
+    for (std::size_t j = 0; j < l.lin.node_gradient.size(); ++j) {
       x[test::tangent_row(kkt, j)] = random();
+      y[test::tangent_row(kkt, j)] = random();
+    }
     kkt.assemble(l.lin, 1e6);
     kkt.multiply(x, with);
     kkt.assemble(l.lin, 0.0);
     kkt.multiply(x, without);
-    double quadratic = 0;
-    for (long i = 0; i < kkt.rows(); ++i) quadratic += 1e-6 * x[i] * (with[i] - without[i]);
-    EXPECT_NEAR(quadratic, kkt.metric_norm2(x), 1e-8 * quadratic);
+    double quadratic = 0, mixed = 0, plain = 0;
+    for (long i = 0; i < kkt.rows(); ++i) {
+      quadratic += 1e-6 * x[i] * (with[i] - without[i]);
+      mixed += 1e-6 * y[i] * (with[i] - without[i]);
+      plain += x[i] * x[i];
+    }
+    const auto [xx, xy, yy] = metric(kkt, l, x, y);
+    EXPECT_NEAR(xx, quadratic, 1e-8 * quadratic);
+    EXPECT_NEAR(xy, mixed, 1e-8 * quadratic);
+    EXPECT_EQ(yy, metric(kkt, l, y, x)[0]);
     if (smoothing == 0) {
-      double plain = 0;
-      for (double value : x) plain += value * value;
-      EXPECT_NEAR(kkt.metric_norm2(x), plain, 1e-12 * plain);
+      EXPECT_NEAR(xx, plain, 1e-12 * plain);
     }
   }
 }

@@ -1,0 +1,149 @@
+#!/usr/bin/env bash
+# Builds, tests and measures the CUDA executor on a machine with a GPU. Needs no network: nvcc, cmake,
+# ninja and a Python with numpy and pybind11 have to be there; what else is there is used, and what is
+# left out is said.
+#
+#   bench/device/check.sh [build] [test] [sanitize] [bench] [peers]      default: all of them
+#
+#   OUT      where the results go (bench/results)
+#   BUILD    build tree (build/device)
+#   PYTHON   (python3)
+#   SECONDS_EACH   of one measurement (0.3)
+set -uo pipefail
+cd "$(dirname "$0")/../.."
+OUT=${OUT:-bench/results}
+BUILD=${BUILD:-build/device}
+PYTHON=${PYTHON:-python3}
+EACH=${SECONDS_EACH:-0.3}
+export PATH=$PATH:/usr/local/cuda/bin
+parts=${*:-build test sanitize bench peers}
+mkdir -p "$OUT" "$BUILD"
+OUT=$(cd "$OUT" && pwd) BUILD=$(cd "$BUILD" && pwd)
+ROWS=$BUILD/rows.jsonl
+failed=() left_out=()
+
+wanted() { [[ " $parts " == *" $1 "* ]]; }
+title() { printf '\n== %s\n' "$*"; }
+# try NAME COMMAND...: runs it, and remembers NAME if it fails.
+try() {
+  local name=$1
+  shift
+  title "$name"
+  "$@" || failed+=("$name")
+}
+skip() {
+  echo "left out: $*"
+  left_out+=("$*")
+}
+has_module() { "$PYTHON" -c "import $1" 2>/dev/null; }
+has_header() { echo "#include <$1>" | "${CXX:-c++}" -std=c++20 -E -x c++ - >/dev/null 2>&1; }
+
+title "machine"
+date -u +%Y-%m-%dT%H:%M:%SZ
+nvidia-smi --query-gpu=name,driver_version,memory.total,clocks.max.sm --format=csv,noheader || true
+lscpu 2>/dev/null | grep -E '^(Model name|CPU\(s\)|Thread|L2|L3)' || true
+nvcc --version | tail -2
+"${CXX:-c++}" --version | head -1
+
+build() {
+  local tests=ON
+  has_header gtest/gtest.h || tests=OFF
+  cmake -S . -B "$BUILD" -G Ninja -DCMAKE_BUILD_TYPE=Release -DTRAJOPT_CUDA=ON -DTRAJOPT_WERROR=ON \
+    -DCMAKE_CUDA_ARCHITECTURES="${CUDAARCHS:-native}" -DTRAJOPT_TESTS=$tests \
+    -DTRAJOPT_DEVICE_TESTS=ON -DTRAJOPT_DEVICE_BENCH=ON \
+    -DPython_EXECUTABLE="$(command -v "$PYTHON")" \
+    -Dpybind11_DIR="$("$PYTHON" -m pybind11 --cmakedir)" &&
+    cmake --build "$BUILD" &&
+    rm -rf "$BUILD/stage" && mkdir -p "$BUILD/stage" && cp -r python/trajopt "$BUILD/stage/" &&
+    cp "$BUILD"/python/bindings/_core*.so "$BUILD/stage/trajopt/"
+}
+export PYTHONPATH=$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
+
+if wanted build; then
+  try "build" build
+  ((${#failed[@]} == 0)) || { echo "nothing to run"; exit 1; }
+fi
+
+if wanted test; then
+  # Every *_device program compares bits with the processor when asked to `check`.
+  for program in "$BUILD"/device/*_device; do try "$(basename "$program") check" "$program" check; done
+  if [[ -f $BUILD/tests/cpp/CTestTestfile.cmake ]]; then
+    try "ctest: GPU tests" ctest --test-dir "$BUILD" --output-on-failure --no-tests=error \
+      -R '^(cuda|emulated_cuda)\.'
+  else
+    skip "the C++ GPU tests: no GoogleTest here"
+  fi
+  if has_module pytest; then
+    try "pytest: GPU tests" "$PYTHON" -m pytest -m cuda -p no:cacheprovider tests/python/cuda
+  else
+    skip "the Python GPU tests: no pytest here"
+  fi
+fi
+
+if wanted sanitize; then
+  if command -v compute-sanitizer >/dev/null; then
+    for program in "$BUILD"/device/*_device; do
+      for tool in memcheck racecheck synccheck initcheck; do
+        title "compute-sanitizer $tool, $(basename "$program")"
+        timeout 600 compute-sanitizer --tool $tool --error-exitcode 9 "$program" check \
+          >"$BUILD/sanitizer.log" 2>&1
+        status=$?
+        tail -3 "$BUILD/sanitizer.log"
+        if grep -q "Device not supported" "$BUILD/sanitizer.log"; then
+          skip "compute-sanitizer: it does not support this device or its container"
+          break 2
+        elif ((status == 124)); then
+          skip "compute-sanitizer $tool on $(basename "$program"): not done in ten minutes"
+        elif ((status != 0)); then
+          failed+=("compute-sanitizer $tool $(basename "$program")")
+        fi
+      done
+    done
+  else
+    skip "compute-sanitizer: not here"
+  fi
+fi
+
+# Each program prints one JSON object a line.
+measure() {
+  title "$1"
+  shift
+  "$@" | tee -a "$ROWS" || failed+=("$1")
+}
+if wanted bench || wanted peers; then : >"$ROWS"; fi
+if wanted bench; then
+  for program in "$BUILD"/device/*_device; do
+    measure "$(basename "$program")" "$program" bench "$EACH"
+  done
+  for program in bench/device/*_device.py; do
+    [[ -f $program ]] && measure "$(basename "$program")" "$PYTHON" "$program" "$EACH"
+  done
+fi
+if wanted peers; then
+  if [[ -x $BUILD/device/peer_cusolver ]]; then
+    measure "cuSOLVER and cuBLAS" "$BUILD/device/peer_cusolver" "$EACH"
+  else
+    skip "cuSOLVER and cuBLAS: not part of this CUDA toolkit"
+  fi
+  if [[ -x $BUILD/device/peer_cudss ]]; then
+    measure "cuDSS" "$BUILD/device/peer_cudss" "$EACH"
+  else
+    skip "cuDSS: not here (CUDSS_ROOT names the folder of its include and lib)"
+  fi
+  if has_module socu; then
+    measure "socu" "$PYTHON" bench/device/peer_socu.py "$EACH"
+  else
+    skip "socu: not importable here (wheels: socu, warp-lang)"
+  fi
+fi
+if wanted bench || wanted peers; then
+  try "table" "$PYTHON" bench/device/collect.py "$ROWS" "$OUT/device.json" "${left_out[@]}"
+fi
+
+title "result"
+for what in "${left_out[@]}"; do echo "left out: $what"; done
+if ((${#failed[@]})); then
+  printf 'failed: %s\n' "${failed[@]}"
+  exit 1
+fi
+echo "all good"

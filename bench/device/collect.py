@@ -1,0 +1,103 @@
+"""Rows of the device programs -> one JSON file with the machine, and a table on the screen.
+
+collect.py ROWS.jsonl RESULT.json [WHAT WAS LEFT OUT ...]
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import subprocess
+import sys
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+
+def first_line(*command: str) -> str:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    lines = done.stdout.strip().splitlines()
+    return lines[-1].strip() if lines else "unknown"
+
+
+def processor() -> str:
+    try:
+        text = Path("/proc/cpuinfo").read_text()
+    except OSError:
+        return platform.processor()
+    names = [line.split(":")[1].strip() for line in text.splitlines() if "model name" in line]
+    return f"{len(names)} x {names[0]}" if names else platform.processor()
+
+
+def machine() -> dict[str, str]:
+    gpu = "--query-gpu=name,driver_version,memory.total,clocks.max.sm"
+    return {
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "gpu": first_line("nvidia-smi", gpu, "--format=csv,noheader"),
+        "cpu": processor(),
+        "nvcc": first_line("nvcc", "--version"),
+        "commit": first_line("git", "describe", "--always", "--dirty"),
+    }
+
+
+def shape(row: dict[str, Any]) -> tuple[int, int, int]:
+    return int(row["blocks"]), int(row["size"]), int(row["batch"])
+
+
+def best(row: dict[str, Any], prefix: str) -> float | None:
+    """The smallest of the times whose names start so."""
+    found = [
+        value
+        for name, value in row.items()
+        if name.startswith(prefix) and name.endswith("_ms") and not name.endswith("median_ms")
+    ]
+    return min(found) if found else None
+
+
+def cell(value: float | None) -> str:
+    return f"{'-':>9}" if value is None else f"{value:9.3f}"
+
+
+def print_linalg(rows: list[dict[str, Any]]) -> None:
+    ours = [row for row in rows if row["program"] == "linalg"]
+    peers = [row for row in rows if row["program"] == "peer"]
+    names = sorted({row["peer"] for row in peers})
+    print("\nfactorization, best milliseconds")
+    print(f"{'n':>6} {'B':>4} {'batch':>6} {'cpu 1':>9} {'cpu':>9} {'gpu':>9} {'bits':>5}", *names)
+    for row in ours:
+        same = [peer for peer in peers if shape(peer) == shape(row)]
+        theirs = [
+            best(next((peer for peer in same if peer["peer"] == name), {}), "gpu") for name in names
+        ]
+        bits = [value for name, value in row.items() if name.startswith("same_bits")]
+        print(
+            f"{row['blocks']:6} {row['size']:4} {row['batch']:6}",
+            cell(row.get("cpu_factor_1_ms")),
+            cell(best(row, "cpu_factor")),
+            cell(best(row, "gpu_factor")),
+            f"{'-' if not bits else 'equal' if all(bits) else 'DIFF':>5}",
+            *(cell(value) for value in theirs),
+            row.get("left_out", ""),
+        )
+
+
+def main() -> int:
+    source, target, left_out = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:]
+    rows = [json.loads(line) for line in source.read_text().splitlines() if line.startswith("{")]
+    print_linalg(rows)
+    result = {"machine": machine(), "left_out": left_out, "rows": rows}
+    target.write_text(json.dumps(result, indent=1) + "\n")
+    print(f"\nwritten: {target}")
+    different = [
+        row for row in rows if any(v is False for k, v in row.items() if k.startswith("same_bits"))
+    ]
+    for row in different:
+        print("bits differ from the processor's:", row)
+    return 1 if different or not rows else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

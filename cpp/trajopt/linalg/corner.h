@@ -1,0 +1,100 @@
+// The square on the diagonal of a panel of MR rows: its rows of D W and of W.
+#pragma once
+
+#include <limits>
+
+#include "trajopt/linalg/block_kernels.h"
+#include "trajopt/linalg/tile.h"
+
+namespace trajopt::linalg::inline TRAJOPT_ISA {
+
+// A pivot that lost all its digits to cancellation counts as zero.
+template <class T>
+inline constexpr T kZeroPivot = 4 * std::numeric_limits<T>::epsilon();
+
+template <class T>
+TRAJOPT_ALWAYS_INLINE bool good_pivot(T d, T inverse, T sign, T before) {
+  constexpr T kMost = std::numeric_limits<T>::max();
+  const auto magnitude = [](T x) { return x < 0 ? -x : x; };
+  // Without branches: they would be half of the work on a corner.
+  return static_cast<bool>((magnitude(d) <= kMost) & (magnitude(inverse) <= kMost) &
+                           (d * sign > 0) & (magnitude(d) > kZeroPivot<T> * magnitude(before)));
+}
+
+template <class T>
+struct Corner {
+  static constexpr int kVectors = vectors<T>(kTileRows);
+  static constexpr int kStride = kVectors * kWidth<T>;
+  alignas(64) T u[kTileRows * kStride];
+  alignas(64) T w[kTileRows * kStride];
+  T pivot[kTileRows], inverse[kTileRows];
+
+  // From the rows as they are after all updates from below. The pivots depend on each other in one
+  // chain of division, product and subtraction; each one is computed ahead of its row's vector.
+  template <int MR>
+  TRAJOPT_ALWAYS_INLINE void factor(Tile<T, MR, vectors<T>(MR)>& tile, const signed char* signs,
+                                    T regularization) {
+    constexpr int W = kWidth<T>, NV = vectors<T>(MR);
+    T d = tile.a[MR - 1][(MR - 1) / W][(MR - 1) % W];
+#pragma GCC unroll 8
+    for (int r = MR - 1; r >= 0; --r) {
+      d += (signs ? signs[r] : T(1)) * regularization;
+      const T over = T(1) / d;
+      pivot[r] = d;
+      inverse[r] = over;
+      if (r > 0) {
+        const int v = (r - 1) / W, l = (r - 1) % W;
+        const T x = tile.a[r][v][l];
+        d = fnma(x * over, x, tile.a[r - 1][v][l]);
+      }
+      Vec<T> row[NV];
+      const Vec<T> scale = broadcast(over);
+#pragma GCC unroll 4
+      for (int v = 0; v < NV; ++v) {
+        row[v] = mul(tile.a[r][v], scale);
+        store(u + r * kStride + v * W, tile.a[r][v]);
+        store(w + r * kStride + v * W, row[v]);
+      }
+#pragma GCC unroll 8
+      for (int s = r - 1; s >= 0; --s) {
+        const Vec<T> factor = broadcast_lane(row[s / W], s % W);
+#pragma GCC unroll 4
+        for (int v = 0; v <= s / W; ++v) {
+          tile.a[s][v] = fnma(factor, tile.a[r][v], tile.a[s][v]);
+        }
+      }
+    }
+  }
+
+  // The first bad pivot of panel rows k0..k0+rows-1 in the order of elimination; -1: none.
+  int check(const BasicElimination<T>& e, int k0, int rows) const {
+    bool good[kTileRows], all = true;
+    for (int r = 0; r < rows; ++r) {
+      const int k = k0 + r;
+      const T sign = e.signs ? e.signs[k] : 1;
+      const T before =
+          static_cast<T>(e.original[k * (e.size + 1L)]) + sign * static_cast<T>(e.regularization);
+      good[r] = good_pivot(pivot[r], inverse[r], sign, before);
+      all &= good[r];
+      e.inverse[k] = inverse[r];
+    }
+    int r = rows - 1;
+    for (; !all && r >= 0 && good[r]; --r) {
+    }
+    return all ? -1 : r;
+  }
+
+  template <int MR>
+  TRAJOPT_ALWAYS_INLINE void write(const BasicElimination<T>& e, int k0) const {
+    constexpr int W = kWidth<T>, NV = vectors<T>(MR);
+    const long at = k0 * e.ld + k0;
+#pragma GCC unroll 32
+    for (int i = 0; i < MR * NV; ++i) {
+      const int r = i / NV, v = i % NV;
+      store(e.u + at + r * e.ld + v * W, load(u + r * kStride + v * W));
+      store(e.w + at + r * e.ld + v * W, load(w + r * kStride + v * W));
+    }
+  }
+};
+
+}  // namespace trajopt::linalg::inline TRAJOPT_ISA

@@ -1,0 +1,77 @@
+// Solution with the factors.
+#include "trajopt/base/parallel.h"
+#include "trajopt/linalg/factors.h"
+
+namespace trajopt::linalg {
+
+namespace {
+
+// Asked for this far ahead of what is read, in bytes: the time of a few trips to memory.
+constexpr long kAheadBytes = 4096;
+
+}  // namespace
+
+// Eliminates a block's unknowns from the equations after it. The update of a deferred left
+// neighbour is the caller's.
+template <class T>
+void Factors<T>::forward(int item, const Step& step, T* x, int m) const {
+  const long ahead = -kAheadBytes / static_cast<long>(sizeof(T));
+  T* xi = x + static_cast<long>(step.block) * size_ * m;
+  kernels_->substitute_transposed(size_, w(item, step.block), xi, m, m, ahead);
+  if (step.right >= 0) {
+    kernels_->subtract_transposed(size_, size_, right_v(item, step.block), v_ld_, xi,
+                                  x + static_cast<long>(step.right) * size_ * m, m, m, m, ahead);
+  }
+  if (step.left >= 0 && !step.left_deferred) {
+    kernels_->subtract_transposed(size_, size_, left_v(item, step.block), v_ld_, xi,
+                                  x + static_cast<long>(step.left) * size_ * m, m, m, m, ahead);
+  }
+}
+
+template <class T>
+void Factors<T>::backward(int item, const Step& step, T* x, int m) const {
+  const long ahead = kAheadBytes / static_cast<long>(sizeof(T));
+  T* xi = x + static_cast<long>(step.block) * size_ * m;
+  const T* over = inverse(item, step.block);
+  for (int k = 0; k < size_; ++k) {
+    for (int j = 0; j < m; ++j) xi[static_cast<long>(k) * m + j] *= over[k];
+  }
+  if (step.left >= 0) {
+    kernels_->subtract(size_, size_, left_v(item, step.block), v_ld_,
+                       x + static_cast<long>(step.left) * size_ * m, xi, m, m, m, ahead);
+  }
+  if (step.right >= 0) {
+    kernels_->subtract(size_, size_, right_v(item, step.block), v_ld_,
+                       x + static_cast<long>(step.right) * size_ * m, xi, m, m, m, ahead);
+  }
+  kernels_->substitute(size_, w(item, step.block), xi, m, m, ahead);
+}
+
+template <class T>
+void Factors<T>::solve(int item, T* x, int m, int threads) const {
+  for (const Stage& stage : schedule_.stages) {
+    const int runs = stage.end - stage.begin;
+    parallel_for(runs, threads, [&](long slot, int) {
+      const Run& run = schedule_.runs[stage.begin + slot];
+      for (int s = run.begin; s < run.end; ++s) forward(item, schedule_.steps[s], x, m);
+    });
+    parallel_for(runs, threads, [&](long slot, int) {
+      const Step& step = schedule_.steps[schedule_.runs[stage.begin + slot].end - 1];
+      if (!step.left_deferred) return;
+      kernels_->subtract_transposed(size_, size_, left_v(item, step.block), v_ld_,
+                                    x + static_cast<long>(step.block) * size_ * m,
+                                    x + static_cast<long>(step.left) * size_ * m, m, m, m, 0);
+    });
+  }
+  for (auto stage = schedule_.stages.rbegin(); stage != schedule_.stages.rend(); ++stage) {
+    parallel_for(stage->end - stage->begin, threads, [&](long slot, int) {
+      const Run& run = schedule_.runs[stage->begin + slot];
+      for (int s = run.end - 1; s >= run.begin; --s) backward(item, schedule_.steps[s], x, m);
+    });
+  }
+}
+
+template void Factors<double>::solve(int, double*, int, int) const;
+template void Factors<float>::solve(int, float*, int, int) const;
+
+}  // namespace trajopt::linalg

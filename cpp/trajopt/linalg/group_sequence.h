@@ -1,0 +1,80 @@
+// The order of the launches, for any executor. run(work) does all jobs of one launch before those
+// of the next begin.
+#pragma once
+
+#include "trajopt/linalg/group_refine.h"
+#include "trajopt/linalg/group_work.h"
+
+namespace trajopt::linalg {
+
+// A plan where the jobs can read it.
+struct PlanEntries {
+  const PlannedElimination* eliminations;
+  const PlannedUpdate* updates;
+};
+
+// The failures have to be reset before. After one, the stages that follow do nothing.
+template <class Executor>
+void sequence_factor(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
+                     const GroupSystem& s) {
+  for (const PlannedLevel& level : plan.levels) {
+    run(group::EliminateWork{s, at.eliminations + level.eliminations_begin,
+                             level.eliminations_end - level.eliminations_begin, level.stage});
+    run(group::UpdateWork{s, at.updates + level.updates_begin,
+                          level.updates_end - level.updates_begin, level.stage});
+  }
+}
+
+template <class Executor>
+void sequence_solve(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
+                    const GroupSystem& s, const GroupVectors& v) {
+  for (const PlannedLevel& level : plan.levels) {
+    run(group::ForwardWork{s, v, at.eliminations + level.eliminations_begin,
+                           level.eliminations_end - level.eliminations_begin});
+    run(group::GatherWork{s, v, at.updates + level.updates_begin,
+                          level.fills_begin - level.updates_begin});
+  }
+  for (auto level = plan.levels.rbegin(); level != plan.levels.rend(); ++level) {
+    run(group::BackwardWork{s, v, at.eliminations + level->eliminations_begin,
+                            level->eliminations_end - level->eliminations_begin});
+  }
+}
+
+// Arrays of a refinement of (batch, blocks * size, m) values; lanes: batch * column_chunks(m).
+struct RefineArrays {
+  const double* rhs;
+  double* r;
+  double* saved;
+  double* norm;  // lanes; zero on entry and on return
+  GroupRefinement* states;
+  int* active;
+};
+
+// Up to the first residual.
+template <class Executor>
+void sequence_refine_start(const Executor& run, const GroupSystem& s, double* x, int m,
+                           int max_steps, double tolerance, const RefineArrays& a) {
+  using Decide = group::DecideWork;
+  const long lanes = static_cast<long>(s.batch) * column_chunks(m);
+  run(group::ResidualWork{s, {nullptr, m, nullptr}, a.rhs, a.r, a.norm});
+  run(Decide{Decide::When::scale, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(group::ResidualWork{s, {x, m, nullptr}, a.rhs, a.r, a.norm});
+  run(Decide{Decide::When::start, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+}
+
+// One correction. At most max_steps of them change anything, so that many finish the refinement.
+template <class Executor>
+void sequence_refine_step(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
+                          const GroupSystem& s, double* x, int m, int max_steps, double tolerance,
+                          const RefineArrays& a) {
+  using Decide = group::DecideWork;
+  const long lanes = static_cast<long>(s.batch) * column_chunks(m);
+  const GroupVectors going_on{x, m, a.active};
+  sequence_solve(run, plan, at, s, {a.r, m, a.active});
+  run(group::CorrectWork{s, going_on, a.r, a.saved, nullptr});
+  run(group::ResidualWork{s, going_on, a.rhs, a.r, a.norm});
+  run(Decide{Decide::When::step, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(group::CorrectWork{s, {x, m, nullptr}, a.r, a.saved, a.states});
+}
+
+}  // namespace trajopt::linalg

@@ -1,0 +1,157 @@
+// Eight doubles or sixteen floats; included by simd.h.
+#pragma once
+
+#include <immintrin.h>
+
+#include "trajopt/base/hd.h"
+
+#define TRAJOPT_ALWAYS_INLINE inline __attribute__((always_inline))
+
+namespace trajopt::linalg::inline TRAJOPT_ISA {
+
+template <class T>
+struct VectorOf;
+template <>
+struct VectorOf<double> {
+  using Type = __m512d;
+};
+template <>
+struct VectorOf<float> {
+  using Type = __m512;
+};
+template <class T>
+using Vec = typename VectorOf<T>::Type;
+template <class T>
+inline constexpr int kWidth = 64 / static_cast<int>(sizeof(T));
+
+TRAJOPT_ALWAYS_INLINE __mmask8 first_of_8(int count) {
+  return static_cast<__mmask8>((1u << count) - 1);
+}
+TRAJOPT_ALWAYS_INLINE __mmask16 first_of_16(int count) {
+  return static_cast<__mmask16>((1u << count) - 1);
+}
+
+TRAJOPT_ALWAYS_INLINE __m512d broadcast(double s) { return _mm512_set1_pd(s); }
+TRAJOPT_ALWAYS_INLINE __m512d load(const double* p) { return _mm512_loadu_pd(p); }
+TRAJOPT_ALWAYS_INLINE void store(double* p, __m512d v) { _mm512_storeu_pd(p, v); }
+TRAJOPT_ALWAYS_INLINE void stream(double* p, __m512d v) { _mm512_stream_pd(p, v); }
+TRAJOPT_ALWAYS_INLINE __m512d load(const double* p, int count) {
+  return _mm512_maskz_loadu_pd(first_of_8(count), p);
+}
+TRAJOPT_ALWAYS_INLINE void store(double* p, __m512d v, int count) {
+  _mm512_mask_storeu_pd(p, first_of_8(count), v);
+}
+TRAJOPT_ALWAYS_INLINE __m512d mul(__m512d a, __m512d b) { return _mm512_mul_pd(a, b); }
+// c - a*b with one rounding.
+TRAJOPT_ALWAYS_INLINE __m512d fnma(__m512d a, __m512d b, __m512d c) {
+  return _mm512_fnmadd_pd(a, b, c);
+}
+// The same in the first `count` lanes, c in the others; and the other way round.
+TRAJOPT_ALWAYS_INLINE __m512d fnma_first(int count, __m512d a, __m512d b, __m512d c) {
+  return _mm512_mask3_fnmadd_pd(a, b, c, first_of_8(count));
+}
+TRAJOPT_ALWAYS_INLINE __m512d fnma_from(int count, __m512d a, __m512d b, __m512d c) {
+  return _mm512_mask3_fnmadd_pd(a, b, c, static_cast<__mmask8>(~first_of_8(count)));
+}
+// Indices for broadcast_lane. Defined in linalg_kernels.cpp: as constants the compiler would build
+// them in general registers, which costs more than the permutation.
+struct LaneIndex {
+  alignas(64) long long of_8[8][8];
+  alignas(64) int of_16[16][16];
+};
+extern const LaneIndex kLaneIndex;
+
+// The zero-masked forms, with every lane chosen, are the plain instructions without GCC 12's false
+// warning about an uninitialized pass-through operand.
+TRAJOPT_ALWAYS_INLINE __m512d broadcast_lane(__m512d v, int lane) {
+  return _mm512_maskz_permutexvar_pd(0xff, _mm512_load_si512(kLaneIndex.of_8[lane]), v);
+}
+
+TRAJOPT_ALWAYS_INLINE __m512 broadcast(float s) { return _mm512_set1_ps(s); }
+TRAJOPT_ALWAYS_INLINE __m512 load(const float* p) { return _mm512_loadu_ps(p); }
+TRAJOPT_ALWAYS_INLINE void store(float* p, __m512 v) { _mm512_storeu_ps(p, v); }
+TRAJOPT_ALWAYS_INLINE void stream(float* p, __m512 v) { _mm512_stream_ps(p, v); }
+TRAJOPT_ALWAYS_INLINE __m512 load(const float* p, int count) {
+  return _mm512_maskz_loadu_ps(first_of_16(count), p);
+}
+TRAJOPT_ALWAYS_INLINE void store(float* p, __m512 v, int count) {
+  _mm512_mask_storeu_ps(p, first_of_16(count), v);
+}
+TRAJOPT_ALWAYS_INLINE __m512 mul(__m512 a, __m512 b) { return _mm512_mul_ps(a, b); }
+TRAJOPT_ALWAYS_INLINE __m512 fnma(__m512 a, __m512 b, __m512 c) {
+  return _mm512_fnmadd_ps(a, b, c);
+}
+TRAJOPT_ALWAYS_INLINE __m512 fnma_first(int count, __m512 a, __m512 b, __m512 c) {
+  return _mm512_mask3_fnmadd_ps(a, b, c, first_of_16(count));
+}
+TRAJOPT_ALWAYS_INLINE __m512 fnma_from(int count, __m512 a, __m512 b, __m512 c) {
+  return _mm512_mask3_fnmadd_ps(a, b, c, static_cast<__mmask16>(~first_of_16(count)));
+}
+TRAJOPT_ALWAYS_INLINE __m512 broadcast_lane(__m512 v, int lane) {
+  return _mm512_maskz_permutexvar_ps(0xffff, _mm512_load_si512(kLaneIndex.of_16[lane]), v);
+}
+
+TRAJOPT_ALWAYS_INLINE __m512d even_quarters(__m512d a, __m512d b) {
+  return _mm512_maskz_shuffle_f64x2(0xff, a, b, 0x88);
+}
+TRAJOPT_ALWAYS_INLINE __m512d odd_quarters(__m512d a, __m512d b) {
+  return _mm512_maskz_shuffle_f64x2(0xff, a, b, 0xdd);
+}
+
+TRAJOPT_ALWAYS_INLINE void transpose(__m512d (&r)[8]) {
+  __m512d t[8], u[8];
+#pragma GCC unroll 4
+  for (int i = 0; i < 8; i += 2) {
+    t[i] = _mm512_maskz_unpacklo_pd(0xff, r[i], r[i + 1]);
+    t[i + 1] = _mm512_maskz_unpackhi_pd(0xff, r[i], r[i + 1]);
+  }
+#pragma GCC unroll 4
+  for (int i = 0; i < 8; i += 4) {
+#pragma GCC unroll 2
+    for (int j = i; j < i + 2; ++j) {
+      u[j] = even_quarters(t[j], t[j + 2]);
+      u[j + 2] = odd_quarters(t[j], t[j + 2]);
+    }
+  }
+#pragma GCC unroll 2
+  for (int i = 0; i < 2; ++i) {
+    r[i] = even_quarters(u[i], u[i + 4]);
+    r[i + 4] = odd_quarters(u[i], u[i + 4]);
+    r[i + 2] = even_quarters(u[i + 2], u[i + 6]);
+    r[i + 6] = odd_quarters(u[i + 2], u[i + 6]);
+  }
+}
+
+// One round of a transposition: rows i and i + H exchange their off-diagonal H x H squares.
+template <int H>
+struct Exchange {
+  alignas(64) int upper[16], lower[16];  // lanes of a row and, from 16 on, of its partner
+  constexpr Exchange() : upper(), lower() {
+    for (int l = 0; l < 16; ++l) {
+      upper[l] = l & H ? 16 + l - H : l;
+      lower[l] = l & H ? 16 + l : l + H;
+    }
+  }
+};
+
+template <int H>
+TRAJOPT_ALWAYS_INLINE void exchange(__m512 (&r)[16]) {
+  static constexpr Exchange<H> kIndex;
+  const __m512i upper = _mm512_load_si512(kIndex.upper), lower = _mm512_load_si512(kIndex.lower);
+#pragma GCC unroll 16
+  for (int i = 0; i < 16; ++i) {
+    if (i & H) continue;
+    const __m512 a = r[i], b = r[i + H];
+    r[i] = _mm512_permutex2var_ps(a, upper, b);
+    r[i + H] = _mm512_permutex2var_ps(a, lower, b);
+  }
+}
+
+TRAJOPT_ALWAYS_INLINE void transpose(__m512 (&r)[16]) {
+  exchange<1>(r);
+  exchange<2>(r);
+  exchange<4>(r);
+  exchange<8>(r);
+}
+
+}  // namespace trajopt::linalg::inline TRAJOPT_ISA

@@ -1,0 +1,289 @@
+// The launches of one iteration of the frames formulation, one type each (linalg/group_work.h says
+// what a launch is). They run the bodies that the processor's executor runs; here stands only who
+// does which frame, node or block row, and where its numbers lie.
+#pragma once
+
+#include "trajopt/problem/frame_body.h"
+#include "trajopt/problem/kkt_rows.h"
+#include "trajopt/problem/local_terms.h"
+#include "trajopt/problem/step_rows.h"
+
+namespace trajopt {
+
+// Numbers that the host decides on, read by the launches when they run.
+struct Controls {
+  double damping;
+  double tangential, normal;  // the step d = tangential t + normal n
+  double zeta;                // A d = -zeta C
+};
+
+// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all.
+struct FramesPoint {
+  double* frames;      // (N + 2) x nq
+  double* step;        // N x D: what led here from the current point
+  double* constraint;  // N x m
+};
+
+// Everything the launches work on: plain pointers into the executor's memory.
+struct FramesSystem {
+  long frame_count;
+  FrameInput in;  // its frames are those of the current point
+  const LocalTerm* local;
+  int nlocal;
+  double smoothing, epsilon;
+  const Controls* controls;
+  FramesPoint current, trial[2];
+  double *hessian, *gradient, *jacobian;  // as FrameOutput
+  double *torque, *cost;                  // N x nu, N x nterm
+  double* local_cost;                     // nlocal x N
+  double* node_gradient;                  // N x D
+  double *diagonal, *lower;               // of the KKT matrix
+  double *rhs, *steps;                    // rows x 2
+  double* correction;                     // rows
+  double* items;                          // kStepItems x N
+  std::size_t scratch_bytes;              // of one frame
+  int lanes;                              // frames in work at once
+  unsigned char* scratch;                 // lanes x scratch_bytes
+
+  TRAJOPT_HD long frames() const { return frame_count; }
+  TRAJOPT_HD int primal() const { return in.model.ndof; }
+  TRAJOPT_HD int dual() const { return in.model.nunactuated; }
+  TRAJOPT_HD int size() const { return 2 * (primal() + dual()); }
+  TRAJOPT_HD long blocks() const { return (frame_count + 1) / 2; }
+  TRAJOPT_HD long rows() const { return blocks() * size(); }
+  TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
+  TRAJOPT_HD StepRows step_rows() const {
+    return {static_cast<int>(frame_count),
+            primal(),
+            dual(),
+            false,
+            smoothing,
+            node_gradient,
+            current.constraint,
+            steps};
+  }
+};
+
+inline namespace TRAJOPT_ISA {
+
+// Dynamics, objective rows and local terms, a frame per rank. Floor for D = 18: 45 kflop for a
+// linearization without its Gram matrix, 10 kflop for an evaluation (bench/_cost.py counts them);
+// the window's 6 D^2 + 3 m D doubles are written once. A rank keeps its frame's intermediate
+// results in memory of its own: this launch waits for memory, not for arithmetic.
+template <bool Derivatives>
+struct FramesWork {
+  static constexpr const char* kName = Derivatives ? "linearize frames" : "evaluate frames";
+  static constexpr int kMaxRanks = 32;
+  FramesSystem s;
+  FramesPoint at;
+
+  TRAJOPT_HD long jobs() const { return (s.lanes + ranks() - 1) / ranks(); }
+  // Few frames are spread over the whole device.
+  TRAJOPT_HD int ranks() const {
+    constexpr int kMultiprocessors = 128;
+    int n = 1;
+    while (n < kMaxRanks && n * kMultiprocessors < s.lanes) n *= 2;
+    return n;
+  }
+  std::size_t bytes() const { return 0; }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
+    FrameInput in = s.in;
+    in.frames = at.frames;
+    const FrameOutput out{at.constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian};
+    const long d = s.primal(), n = s.frames();
+    for_each(group, ranks(), [&](int rank) {
+      const long lane = job * ranks() + rank;
+      if (lane >= s.lanes) return;
+      void* memory = s.scratch + lane * s.scratch_bytes;
+      for (long f = lane; f < n; f += s.lanes) {
+        run_frames<double, Derivatives>(in, f, 1, memory, out);
+        const LocalFrame frame = local_frame(in, f);
+        for (int k = 0; k < s.nlocal; ++k) {
+          s.local_cost[k * n + f] = add_local_term<Derivatives>(
+              in.model, s.local[k], frame, Derivatives ? s.hessian + f * 6 * d * d : nullptr,
+              Derivatives ? s.gradient + f * 3 * d : nullptr);
+        }
+      }
+    });
+  }
+};
+
+// What a point is judged by: the sum of each term, and the largest constraint.
+struct PointItems {
+  const double *cost, *local_cost, *constraint;
+  int nterm, nlocal, m;
+  long frames;
+
+  TRAJOPT_HD PointItems(const FramesSystem& s, const FramesPoint& at)
+      : cost(s.cost),
+        local_cost(s.local_cost),
+        constraint(at.constraint),
+        nterm(s.in.nterm),
+        nlocal(s.nlocal),
+        m(s.dual()),
+        frames(s.frames()) {}
+  TRAJOPT_HD int folds() const { return nterm + nlocal + 1; }
+  TRAJOPT_HD double operator()(int fold, long f) const {
+    if (fold < nterm) return cost[f * nterm + fold];
+    if (fold < nterm + nlocal) return local_cost[(fold - nterm) * frames + f];
+    double most = 0.0;
+    for (int r = 0; r < m; ++r) most = Largest{}(most, magnitude(constraint[f * m + r]));
+    return most;
+  }
+};
+
+struct StepItems {
+  const double* items;
+  long nodes;
+  TRAJOPT_HD int folds() const { return kStepItems; }
+  TRAJOPT_HD double operator()(int fold, long i) const { return items[fold * nodes + i]; }
+};
+
+// A launch of body(i) for i in [0, count), a rank each: what happens per node.
+template <class Body>
+struct NodesWork {
+  static constexpr const char* kName = Body::kName;
+  static constexpr int kMaxRanks = 64;
+  FramesSystem s;
+  Body body;
+
+  TRAJOPT_HD long jobs() const { return (body.count(s) + kMaxRanks - 1) / kMaxRanks; }
+  TRAJOPT_HD int ranks() const { return kMaxRanks; }
+  std::size_t bytes() const { return 0; }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
+    for_each(group, kMaxRanks, [&](int rank) {
+      const long i = job * kMaxRanks + rank;
+      if (i < body.count(s)) body(s, i);
+    });
+  }
+};
+
+struct GatherGradient {
+  static constexpr const char* kName = "gather gradient";
+  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    gather_gradient(s.gradient, s.frames(), s.primal(), false, i, s.node_gradient + i * s.primal());
+  }
+};
+
+// Right-hand sides of both steps, twice: one is solved in place, one kept for the refinement. The
+// node that pads an odd count has zeros.
+struct WriteStepsRhs {
+  static constexpr const char* kName = "right-hand sides";
+  TRAJOPT_HD long count(const FramesSystem& s) const { return 2 * s.blocks(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    const int width = s.size();  // of a node, two columns
+    if (i < s.frames()) {
+      write_steps_rhs(s.step_rows(), i);
+    } else {
+      for (int k = 0; k < width; ++k) s.steps[i * width + k] = 0.0;
+    }
+    for (int k = 0; k < width; ++k) s.rhs[i * width + k] = s.steps[i * width + k];
+  }
+};
+
+struct MeasureSteps {
+  static constexpr const char* kName = "measure steps";
+  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    measure_steps(s.step_rows(), i, s.items, s.frames());
+  }
+};
+
+// The configuration of node i at a point, from its step there.
+TRAJOPT_HD inline void retract_node(const FramesSystem& s, const FramesPoint& to, long i) {
+  const long q = (i + 2) * s.in.model.nq;
+  integrate_body(s.in.model, s.current.frames + q, to.step + i * s.primal(), to.frames + q);
+}
+
+struct ComposeStep {
+  static constexpr const char* kName = "compose step";
+  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    const FramesPoint& to = s.trial[0];
+    compose_step(s.step_rows(), i, s.controls->tangential, s.controls->normal, to.step);
+    retract_node(s, to, i);
+  }
+};
+
+struct WriteCorrectionRhs {
+  static constexpr const char* kName = "correction's right-hand side";
+  int from;  // the trial to correct
+  TRAJOPT_HD long count(const FramesSystem& s) const { return 2 * s.blocks(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    if (i < s.frames()) {
+      write_correction_rhs(s.step_rows(), i, s.controls->zeta, s.trial[from].constraint,
+                           s.correction);
+    } else {
+      for (int k = 0; k < s.size() / 2; ++k) s.correction[i * (s.size() / 2) + k] = 0.0;
+    }
+  }
+};
+
+struct ApplyCorrection {
+  static constexpr const char* kName = "apply correction";
+  int from;
+  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    const FramesPoint& to = s.trial[1 - from];
+    add_correction(s.step_rows(), i, s.correction, s.trial[from].step, to.step);
+    retract_node(s, to, i);
+  }
+};
+
+// The trial becomes the current point; its values there are found anew by the linearization.
+struct AcceptTrial {
+  static constexpr const char* kName = "accept trial";
+  int from;
+  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    const int nq = s.in.model.nq;
+    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k)
+      s.current.frames[k] = s.trial[from].frames[k];
+  }
+};
+
+// The KKT matrix at the damping in `controls`, a block row per group: for D = 18 this reads 3 D^2
+// and writes 1.5 to 2.5 D^2 + 3 m D doubles a node. The diagonal of the multipliers is -epsilon.
+struct AssembleWork {
+  static constexpr const char* kName = "assemble";
+  static constexpr int kMaxRanks = 128;
+  FramesSystem s;
+
+  TRAJOPT_HD long jobs() const { return s.blocks(); }
+  TRAJOPT_HD int ranks() const { return kMaxRanks; }
+  std::size_t bytes() const { return 0; }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long g, void*) const {
+    const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.frames()), size = s.size();
+    const KktRows rows{n,         d,          m,          s.smoothing, s.controls->damping,
+                       s.hessian, s.jacobian, s.diagonal, s.lower};
+    write_block_row(group, rows, g);
+    double* diagonal = s.diagonal + g * size * size;
+    const bool padded = 2 * g + 1 == n;  // its second half is the identity
+    for_each(group, size, [&](int r) {
+      double* at = diagonal + static_cast<long>(r) * size + r;
+      if (r % (d + m) < m) *at = -s.epsilon;
+      if (padded && r >= d + m) *at = 1.0;
+    });
+  }
+};
+
+// Takes epsilon out again, for the refinement.
+struct RemoveEpsilon {
+  static constexpr const char* kName = "remove epsilon";
+  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
+    const long size = s.size(), first = i % 2 * (size / 2);
+    double* block = s.diagonal + i / 2 * size * size;
+    for (long k = first; k < first + s.dual(); ++k) block[k * size + k] = 0.0;
+  }
+};
+
+}  // namespace TRAJOPT_ISA
+}  // namespace trajopt

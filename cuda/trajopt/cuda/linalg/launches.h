@@ -1,0 +1,27 @@
+// The launches of group_sequence.h in a CUDA stream. The header needs no nvcc.
+#pragma once
+
+#include "trajopt/cuda/base/stream.h"
+#include "trajopt/linalg/group_sequence.h"
+
+namespace trajopt::cuda {
+
+void launch_factor(const linalg::GroupPlan& plan, const linalg::PlanEntries& at,
+                   const linalg::GroupSystem& s, const Stream& stream);
+void launch_solve(const linalg::GroupPlan& plan, const linalg::PlanEntries& at,
+                  const linalg::GroupSystem& s, double* x, int m, const Stream& stream);
+void launch_refine_start(const linalg::GroupSystem& s, double* x, int m, int max_steps,
+                         double tolerance, const linalg::RefineArrays& a, const Stream& stream);
+void launch_refine_step(const linalg::GroupPlan& plan, const linalg::PlanEntries& at,
+                        const linalg::GroupSystem& s, double* x, int m, int max_steps,
+                        double tolerance, const linalg::RefineArrays& a, const Stream& stream);
+
+// Loads all kernels of the above.
+void load_linalg_kernels();
+
+// Most shared memory that one of them needs for blocks of this size.
+std::size_t linalg_shared_memory(int size);
+// The same with W in shared memory while solving.
+std::size_t linalg_shared_memory_with_w(int size);
+
+}  // namespace trajopt::cuda

@@ -1,0 +1,69 @@
+// Solves on a GPU against the processor's executor: every record and the state, bit for bit. The
+// same comparison without a GPU, with the same launches, is solver/frames_executor_test.cpp.
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "solver/flight.h"
+#include "solver/same_records.h"
+#include "trajopt/cuda/solver/executor.h"
+#include "trajopt/solver/funnel_sqp.h"
+
+namespace trajopt {
+namespace {
+
+using linalg::Ordering;
+
+void compare(const std::function<test::Case()>& make, const FunnelOptions& options) {
+  test::Case expected = make(), actual = make();
+  test::Recorder on_cpu, on_device;
+  const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
+  const auto executor =
+      cuda::make_executor(*actual.problem, executor_options(options), actual.state);
+  const Result a = solve_funnel(*executor, options, on_device.observer());
+  EXPECT_EQ(a.message, e.message);
+  test::expect_same_records(on_device.records, on_cpu.records);
+  test::expect_same_state(actual.state, expected.state);
+}
+
+TEST(DeviceExecutor, Flight) {
+  for (Ordering ordering : {Ordering::cyclic, Ordering::sequential, Ordering::chunked}) {
+    FunnelOptions options;
+    options.ordering = ordering;
+    compare([] { return test::make_flight(Formulation::frames); }, options);
+  }
+}
+
+TEST(DeviceExecutor, EveryTerm) {
+  for (const test::Named& named : test::all_setups()) {
+    if (named.setup.formulation == Formulation::spline || named.setup.periodic) continue;
+    SCOPED_TRACE(named.name);
+    FunnelOptions options;
+    options.ordering = Ordering::cyclic;
+    options.max_iterations = 30;
+    options.funnel = 1e3;
+    compare([&] { return test::make_case(named.setup); }, options);
+  }
+}
+
+TEST(DeviceExecutor, HundredIterations) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 100;
+  options.funnel = 1e3;
+  options.objective_tolerance = 0;
+  compare([] { return test::make_case({.frames = 41, .turn = 0.02}); }, options);
+}
+
+// Sums of three levels.
+TEST(DeviceExecutor, ManyFrames) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 1;
+  options.restore = false;
+  options.funnel = 1e3;
+  compare([] { return test::make_case({.frames = 64 * 64 + 1, .turn = 0.02}); }, options);
+}
+
+}  // namespace
+}  // namespace trajopt

@@ -1,0 +1,121 @@
+// A solve by launches, as a GPU makes them, against the processor's executor: every record and the
+// state bit for bit, with ranks and jobs in either order.
+#include "trajopt/solver/frames_executor.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "solver/flight.h"
+#include "solver/same_records.h"
+#include "solver/serial_device.h"
+#include "trajopt/solver/funnel_sqp.h"
+
+namespace trajopt {
+namespace {
+
+using linalg::Ordering;
+
+// Both executors on the same case; returns the records.
+std::vector<IterationRecord> compare(const std::function<test::Case()>& make,
+                                     const FunnelOptions& options, test::LaunchOrder how,
+                                     int most_lanes) {
+  test::Case expected = make(), actual = make();
+  test::Recorder on_cpu, on_device;
+  const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
+  FramesExecutor<test::SerialDevice> executor(test::SerialDevice(how), *actual.problem,
+                                              executor_options(options), actual.state, most_lanes);
+  const Result a = solve_funnel(executor, options, on_device.observer());
+  EXPECT_EQ(a.status, e.status) << a.message << "; on the processor: " << e.message;
+  EXPECT_EQ(a.message, e.message);
+  test::expect_same_records(on_device.records, on_cpu.records);
+  test::expect_same_state(actual.state, expected.state);
+  return on_cpu.records;
+}
+
+int refused(const std::vector<IterationRecord>& records) {
+  int count = 0;
+  for (const IterationRecord& r : records) count += !r.accepted;
+  return count;
+}
+
+TEST(FramesExecutor, FlightToTheEnd) {
+  for (Ordering ordering : {Ordering::cyclic, Ordering::chunked}) {
+    FunnelOptions options;
+    options.ordering = ordering;
+    const auto records = compare([] { return test::make_flight(Formulation::frames); }, options,
+                                 {RankOrder::forward, 0}, 64);
+    EXPECT_GT(records.size(), 10u);
+  }
+}
+
+// Contacts, balls and every term, steps taken and refused; odd counts, uneven steps.
+TEST(FramesExecutor, EveryTerm) {
+  int count = 0;
+  for (const test::Named& named : test::all_setups()) {
+    if (named.setup.formulation == Formulation::spline || named.setup.periodic) continue;
+    SCOPED_TRACE(named.name);
+    ++count;
+    for (test::LaunchOrder how :
+         {test::LaunchOrder{RankOrder::forward, 0}, test::LaunchOrder{RankOrder::reverse, 0},
+          test::LaunchOrder{RankOrder::forward, 1}}) {
+      FunnelOptions options;
+      options.ordering = Ordering::cyclic;
+      options.max_iterations = 12;
+      options.funnel = 1e3;
+      test::Setup setup = named.setup;
+      setup.turn = std::min(setup.turn, 0.05);
+      // Fewer lanes than frames: a rank does several.
+      const auto records = compare([&] { return test::make_case(setup); }, options, how, 7);
+      EXPECT_GT(records.size(), 0u);
+    }
+  }
+  EXPECT_EQ(count, 5);
+}
+
+// A hundred iterations among contacts.
+TEST(FramesExecutor, HundredIterations) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 100;
+  options.funnel = 1e3;
+  options.objective_tolerance = 0;
+  const auto records = compare([] { return test::make_case({.frames = 41, .turn = 0.02}); },
+                               options, {RankOrder::reverse, 0}, 16);
+  EXPECT_GE(records.size(), 100u);
+  EXPECT_GT(refused(records), 0);
+}
+
+// A matrix of the wrong inertia: the failure is noticed, the damping raised.
+TEST(FramesExecutor, WrongInertia) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 3;
+  options.damping = -1e6;
+  compare([] { return test::make_flight(Formulation::frames); }, options, {RankOrder::forward, 0},
+          64);
+}
+
+TEST(FramesExecutor, RefusesWhatItCannotDo) {
+  const auto message = [](test::Case c) -> std::string {
+    try {
+      const FramesExecutor<test::SerialDevice> executor(test::SerialDevice({}), *c.problem,
+                                                        executor_options({}), c.state);
+    } catch (const DeviceError& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(message(test::make_case({})), "");
+  EXPECT_NE(message(test::make_case({.periodic = true})).find("periodic"), std::string::npos);
+  EXPECT_NE(message(test::make_flight(Formulation::spline)).find("spline"), std::string::npos);
+  test::Random random(1);
+  const Model model = test::make_character();
+  Objective objective = test::every_term(model, 10, random);
+  objective.callbacks.push_back({"my term", 1, 1.0, [](const double*, double*, double*) {}});
+  const std::string text = message(test::make_case({}, model, objective, random));
+  EXPECT_NE(text.find("'my term'"), std::string::npos) << text;
+}
+
+}  // namespace
+}  // namespace trajopt

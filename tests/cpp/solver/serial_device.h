@@ -1,0 +1,173 @@
+// A device for FramesExecutor that makes every launch on the processor: the launches, the plan of
+// the factorization and the recordings of a GPU, with ranks and jobs in a chosen order. Its memory
+// is not the problem's, and full of NaN until it is written.
+#pragma once
+
+#include <cstdio>
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "trajopt/base/buffer.h"
+#include "trajopt/base/error.h"
+#include "trajopt/linalg/group_sequence.h"
+#include "trajopt/solver/frames_executor.h"
+
+namespace trajopt::test {
+
+struct LaunchOrder {
+  RankOrder order = RankOrder::forward;
+  int ranks = 0;  // of a group; 0: as many as the launch asks for
+};
+
+class SerialDevice {
+ public:
+  explicit SerialDevice(LaunchOrder how) : how_(how), log_(std::make_shared<Log>()) {}
+
+  std::string name() const { return "serial"; }
+
+  struct Bytes {
+    AlignedBuffer memory;
+    std::byte* data() const { return memory.get(); }
+  };
+  Bytes allocate(std::size_t bytes) const {
+    Bytes b{aligned_buffer(bytes + 1)};
+    std::memset(b.data(), 0xff, bytes);
+    return b;
+  }
+  template <class T>
+  T* pinned(std::size_t count) const {
+    log_->pinned.push_back(allocate(count * sizeof(T)));
+    return reinterpret_cast<T*>(log_->pinned.back().data());
+  }
+  void upload(void* to, const void* from, std::size_t bytes) const { std::memcpy(to, from, bytes); }
+
+  // While a recording is being made nothing is done.
+  void copy_in(void* to, const void* from, std::size_t bytes) const {
+    then([=] { std::memcpy(to, from, bytes); });
+  }
+  void copy_out(void* to, const void* from, std::size_t bytes) const { copy_in(to, from, bytes); }
+
+  template <class Work>
+  void operator()(const Work& work) const {
+    then([how = how_, work] {
+      const int ranks = how.ranks > 0 ? how.ranks : work.ranks();
+      const Emulated group(ranks, how.order);
+      const long jobs = work.jobs();
+      std::vector<double> space(work.bytes() / sizeof(double) + 2);
+      for (long j = 0; j < jobs; ++j) {
+        std::memset(space.data(), 0xff, space.size() * sizeof(double));
+        work(group, how.order == RankOrder::forward ? j : jobs - 1 - j, space.data());
+      }
+    });
+  }
+
+  using Recording = std::vector<std::function<void()>>;
+  template <class Enqueue>
+  Recording record(const Enqueue& enqueue) const {
+    log_->enqueued.clear();
+    enqueue();
+    return std::move(log_->enqueued);
+  }
+  void play(const Recording& recording) const {
+    for (const auto& work : recording) work();
+  }
+  // At once, or into the recording: everything a recording needs is enqueued.
+  void then(std::function<void()> work) const { log_->enqueued.push_back(std::move(work)); }
+
+  class Solver;
+
+ private:
+  struct Log {
+    Recording enqueued;
+    std::vector<Bytes> pinned;
+  };
+  LaunchOrder how_;
+  std::shared_ptr<Log> log_;
+};
+
+class SerialDevice::Solver {
+ public:
+  Solver(const SerialDevice& device, int blocks, int size, linalg::Ordering ordering,
+         const std::vector<signed char>& signs)
+      : run_(device),
+        plan_(make_group_plan(blocks, linalg::make_schedule(blocks, ordering, 2))),
+        matrix_(blocks, size),
+        signs_(signs) {
+    s_.blocks = blocks;
+    s_.size = size;
+    s_.batch = 1;
+    s_.slots = plan_.slots;
+    s_.runs = plan_.runs;
+    s_.ld = linalg::group_ld(size);
+    const long block = s_.block_length();
+    w_.resize(blocks * block);
+    couplings_.resize(plan_.slots * block);
+    inverse_.resize(matrix_.rows());
+    scratch_.resize(plan_.runs * 3 * block);
+    failures_.resize(plan_.runs);
+    s_.diagonal = matrix_.diagonal(0);
+    s_.lower = matrix_.lower(0);
+    s_.signs = signs_.data();
+    s_.regularization = &regularization_;
+    s_.w = w_.data();
+    s_.couplings = couplings_.data();
+    s_.inverse = inverse_.data();
+    s_.scratch = scratch_.data();
+    s_.failures = failures_.data();
+    s_.failed_stage = &failed_stage_;
+    s_.failed_item = &failed_item_;
+  }
+  Solver(const Solver&) = delete;
+
+  double* diagonal() { return matrix_.diagonal(0); }
+  double* lower() { return matrix_.lower(0); }
+
+  void factor() {
+    run_.then([this] {
+      std::fill(failures_.begin(), failures_.end(), linalg::GroupFailure{-1, -1, 0.0});
+      failed_stage_ = failed_item_ = linalg::GroupSystem::kNever;
+    });
+    sequence_factor(run_, plan_, entries(), s_);
+  }
+  void solve(double* x, int m) { sequence_solve(run_, plan_, entries(), s_, {x, m, nullptr}); }
+  void reserve(int m) {
+    r_.resize(matrix_.rows() * m);
+    saved_.resize(r_.size());
+    norm_.assign(linalg::column_chunks(m), 0.0);
+    states_.resize(norm_.size());
+    active_.resize(norm_.size());
+  }
+  void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
+    const linalg::RefineArrays arrays{rhs,          r_.data(),      saved_.data(),
+                                      norm_.data(), states_.data(), active_.data()};
+    sequence_refine_start(run_, s_, x, m, steps, tolerance, arrays);
+    for (int k = 0; k < steps; ++k)
+      sequence_refine_step(run_, plan_, entries(), s_, x, m, steps, tolerance, arrays);
+  }
+  const std::string* failure() {
+    if (failed_item_ == linalg::GroupSystem::kNever) return nullptr;
+    text_ = "stage " + std::to_string(failed_stage_);
+    return &text_;
+  }
+
+ private:
+  linalg::PlanEntries entries() const { return {plan_.eliminations.data(), plan_.updates.data()}; }
+
+  SerialDevice run_;
+  linalg::GroupPlan plan_;
+  linalg::SymmetricBlockTridiagonal matrix_;
+  std::vector<signed char> signs_;
+  linalg::GroupSystem s_;
+  std::vector<double> w_, couplings_, inverse_, scratch_, r_, saved_, norm_;
+  std::vector<linalg::GroupFailure> failures_;
+  std::vector<linalg::GroupRefinement> states_;
+  std::vector<int> active_;
+  int failed_stage_ = 0, failed_item_ = 0;
+  const double regularization_ = 0.0;
+  std::string text_;
+};
+
+}  // namespace trajopt::test
