@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 
 if TYPE_CHECKING:
-    from trajopt import linalg, objectives
+    from trajopt import collocation, linalg, objectives
     from trajopt.audit import Audit
     from trajopt.errors import (
         ArgumentError,
@@ -66,6 +66,7 @@ __all__ = [
     "TrajoptError",
     "World",
     "__version__",
+    "collocation",
     "linalg",
     "list_scenarios",
     "load_model",
@@ -94,7 +95,7 @@ _HOMES = {
     "load_scenario": "scenarios",
     "solve": "solver",
 }
-_MODULES = ("linalg", "objectives")
+_MODULES = ("collocation", "linalg", "objectives")
 
 
 def __getattr__(name: str) -> Any:

@@ -5,6 +5,7 @@ Needs CasADi: ``pip install 'contact-trajopt[casadi]'``.
 
 from trajopt.collocation.diagnosis import Violation
 from trajopt.collocation.guesses import continuation, keyframes, line
+from trajopt.collocation.phases import MultiPhase, MultiPhaseSolution, PhaseLink
 from trajopt.collocation.problem import Problem
 from trajopt.collocation.smoothing import add_absolute, smooth_abs, smooth_max, smooth_min
 from trajopt.collocation.solution import Pass, Solution
@@ -14,7 +15,10 @@ from trajopt.collocation.verification import DerivativeCheck, check_derivatives
 
 __all__ = [
     "DerivativeCheck",
+    "MultiPhase",
+    "MultiPhaseSolution",
     "Pass",
+    "PhaseLink",
     "Problem",
     "Solution",
     "TraceError",

@@ -3,66 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.collocation._casadi import casadi
-from trajopt.collocation.guess import Guess
 from trajopt.collocation.interpolant import Interpolant
+from trajopt.collocation.layout import Layout, Link, Part
 from trajopt.collocation.phase import Phase, evaluate
 from trajopt.collocation.staged import Names, StagedNLP
 from trajopt.collocation.transcriptions import Transcription
-from trajopt.errors import ArgumentError
 
 __all__ = ["Assembly", "Link", "Part"]
 
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Part:
-    """A phase with its mesh, its start, and a prefix for names in messages."""
-
-    phase: Phase
-    mesh: FloatArray
-    guess: Guess
-    prefix: str = ""
-
-
-@dataclass(frozen=True)
-class Link:
-    """Rows that couple the end of phase `first` with the start of phase `second`.
-
-    `function` takes (tf, xf, p) of the first and (t0, x0, p) of the second phase.
-    """
-
-    first: int
-    second: int
-    function: Any
-    lower: FloatArray
-    upper: FloatArray
-    name: str
-
-
-class Assembly:
-    """The staged program of phases that run side by side, each on its own time.
-
-    Node k holds node k of every phase, so several phases have the block structure of one. A state
-    at the start of a phase appears in the last node's rows only as a copy among the globals, and
-    only where a boundary function depends on it and it is not fixed.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        Phases; all meshes have the same number of segments.
-    transcription : Transcription
-    links : sequence of Link
-    scaled : bool
-        Choose scales from bounds and guess; all are 1 otherwise.
-    """
+class Assembly(Layout):
+    """The staged program of phases that run side by side, each on its own time; see `Layout`."""
 
     def __init__(
         self,
@@ -71,85 +30,8 @@ class Assembly:
         links: Sequence[Link] = (),
         scaled: bool = False,
     ) -> None:
-        self.parts, self.transcription, self.links = list(parts), transcription, list(links)
-        self.segments = len(parts[0].mesh) - 1
-        self._scaled = scaled
-        self._columns: list[dict[tuple[str, float], slice]] = []
-        width = 0
-        for part in self.parts:
-            columns = {}
-            for c in sorted({*transcription.state_points, *transcription.control_points}):
-                for kind, points, size in (
-                    ("x", transcription.state_points, part.phase.nx),
-                    ("u", transcription.control_points, part.phase.nu),
-                ):
-                    if c in points:
-                        columns[kind, c] = slice(width, width + size)
-                        width += size
-            self._columns.append(columns)
-        self._width = width
-        self._collect_globals()
+        super().__init__(parts, transcription, links, scaled)
         self.nlp = self._build()
-
-    # -- globals ---------------------------------------------------------------------------------
-
-    def _collect_globals(self) -> None:
-        """Lay out p: free times, parameters, and copies of initial states."""
-        self._globals: list[dict[str, Any]] = []
-        lower: list[float] = []
-        upper: list[float] = []
-        guess: list[float] = []
-        names: list[str] = []
-        for index, part in enumerate(self.parts):
-            phase = part.phase
-            where: dict[str, Any] = {}
-            for name, (low, high), value in _free_times(part):
-                where[name] = len(names)
-                lower.append(low)
-                upper.append(high)
-                guess.append(value)
-                names.append(part.prefix + name)
-            where["p"] = slice(len(names), len(names) + phase.np)
-            lower.extend(phase.p[0])
-            upper.extend(phase.p[1])
-            guess.extend(part.guess.parameters)
-            names.extend(part.prefix + name for name in phase.p_names)
-            free = phase.x0[0] < phase.x0[1]
-            copied = np.flatnonzero(self._reads_start(index) & free)
-            where["copied"] = copied
-            where["copies"] = slice(len(names), len(names) + len(copied))
-            first = part.guess.sample(np.zeros(1))[0][0]
-            lower.extend(phase.x0[0][copied])
-            upper.extend(phase.x0[1][copied])
-            guess.extend(first[copied])
-            names.extend(f"{part.prefix}start of {phase.x_names[i]}" for i in copied)
-            self._globals.append(where)
-        self._p_bounds = np.array(lower, dtype=float), np.array(upper, dtype=float)
-        self._p_guess, self._p_names = np.array(guess, dtype=float), tuple(names)
-
-    def _reads_start(self, index: int) -> NDArray[np.bool_]:
-        """Return which initial states of a phase its boundary functions and links depend on."""
-        phase = self.parts[index].phase
-        x0, p = casadi.SX.sym("x0", phase.nx), casadi.SX.sym("p", phase.np)
-        times = casadi.SX.sym("t", 2)
-        xf = casadi.SX.sym("xf", phase.nx)
-        ends = (times[0], times[1], x0, xf, p)
-        rows = [phase.g(*ends), phase.terminal(*ends)]
-        for link in self.links:
-            if link.second == index:
-                other = self.parts[link.first].phase
-                free = [casadi.SX.sym("other", n) for n in (1, other.nx, other.np)]
-                rows.append(link.function(*free, times[0], x0, p))
-        reads = casadi.which_depends(casadi.vertcat(*rows), x0, 1, False)
-        return np.array(reads, dtype=bool)
-
-    def _times(self, index: int, p: Any) -> tuple[Any, Any]:
-        """Return start and end of a phase; `p` holds symbols or numbers."""
-        where, phase = self._globals[index], self.parts[index].phase
-        t0 = p[where["t0"]] if "t0" in where else phase.t0[0]
-        if "duration" in where:
-            return t0, t0 + p[where["duration"]]
-        return t0, p[where["tf"]] if "tf" in where else phase.tf[0]
 
     # -- the program -----------------------------------------------------------------------------
 
@@ -158,10 +40,12 @@ class Assembly:
         w, w_next = casadi.SX.sym("w", self._width), casadi.SX.sym("w_next", self._width)
         p, s = casadi.SX.sym("p", len(self._p_guess)), casadi.SX.sym("s", 2 * len(self.parts))
         cost: Any = 0.0
+        self._costs: list[Any] = []
         entries: list[tuple[str, Any, FloatArray, FloatArray, float]] = []
         for index in range(len(self.parts)):
             part_cost, part_rows = self._stage(index, w, w_next, p, s)
             cost = cost + part_cost
+            self._costs.append(casadi.Function("cost", [w, w_next, p, s], [part_cost]))
             entries += part_rows
         names, rows, lower, upper, scales = zip(*entries, strict=True)
         last_cost, last, last_names, last_bounds = self._last(w, p)
@@ -305,85 +189,6 @@ class Assembly:
         bounds = np.array(lower, dtype=float), np.array(upper, dtype=float)
         return casadi.vertcat(casadi.SX(0, 1), *rows), names, *bounds
 
-    # -- numbers ---------------------------------------------------------------------------------
-
-    def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        n, method = self.segments + 1, self.transcription
-        lower, upper = np.full((n, self._width), -np.inf), np.full((n, self._width), np.inf)
-        for part, columns in zip(self.parts, self._columns, strict=True):
-            phase = part.phase
-            for (kind, c), where in columns.items():
-                lower[:, where], upper[:, where] = phase.x if kind == "x" else phase.u
-                if c > 0 or (kind == "u" and not method.shared_end):
-                    lower[-1, where] = upper[-1, where] = 0.0  # no segment uses it
-            start = columns["x", 0.0]
-            lower[0, start], upper[0, start] = phase.x0
-            lower[-1, start], upper[-1, start] = phase.xf
-            for name, limits, node, there in (
-                ("u0_bounds", phase.u0, 0, ("u", 0.0) in columns),
-                ("uf_bounds", phase.uf, -1, method.shared_end),
-            ):
-                if there:
-                    lower[node, columns["u", 0.0]], upper[node, columns["u", 0.0]] = limits
-                elif not all(np.array_equal(a, b) for a, b in zip(limits, phase.u, strict=True)):
-                    raise ArgumentError(
-                        f"solve: {name} needs a method with a control at that end; "
-                        "legendre with points='lobatto' is one"
-                    )
-        return lower, upper
-
-    def _guess(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
-        guess = np.zeros((self.segments + 1, self._width))
-        for part, columns in zip(self.parts, self._columns, strict=True):
-            steps = np.append(np.diff(part.mesh), 0.0)
-            for c in sorted({c for _, c in columns}):
-                x, u = part.guess.sample(part.mesh + c * steps)
-                for kind, values in (("x", x), ("u", u)):
-                    if (kind, c) in columns:
-                        guess[:, columns[kind, c]] = values
-        fixed = lower == upper
-        guess[fixed] = lower[fixed]
-        return guess
-
-    def _data(self) -> FloatArray:
-        """Return start and duration of every segment: seconds, or shares where time is free."""
-        columns = []
-        for index, part in enumerate(self.parts):
-            start, steps = part.mesh, np.append(np.diff(part.mesh), 0.0)
-            if not {"t0", "tf"} & self._globals[index].keys():
-                t0, span = part.phase.t0[0], part.phase.tf[0] - part.phase.t0[0]
-                start, steps = t0 + span * start, span * steps
-            columns += [start, steps]
-        return np.stack(columns, axis=1)
-
-    def _node_times(self) -> FloatArray:
-        guess = self.parts[0].guess
-        return np.asarray(guess.t0 + self.parts[0].mesh * (guess.tf - guess.t0), dtype=np.float64)
-
-    def _phase_scales(self, index: int) -> tuple[FloatArray, FloatArray]:
-        """Return powers of two of the size of states and controls."""
-        part = self.parts[index]
-        x, u = part.guess.sample(np.linspace(0.0, 1.0, 9))
-        if not self._scaled:
-            return np.ones(part.phase.nx), np.ones(part.phase.nu)
-        return _powers(part.phase.x, x), _powers(part.phase.u, u)
-
-    def _scales(self) -> FloatArray:
-        scales = np.ones(self._width)
-        for index, columns in enumerate(self._columns):
-            x, u = self._phase_scales(index)
-            for (kind, _), where in columns.items():
-                scales[where] = x if kind == "x" else u
-        return scales
-
-    def _w_names(self) -> tuple[str, ...]:
-        names = [""] * self._width
-        for part, columns in zip(self.parts, self._columns, strict=True):
-            for (kind, c), where in columns.items():
-                known = part.phase.x_names if kind == "x" else part.phase.u_names
-                names[where] = [f"{part.prefix}{n}" + (f" at {c:.3g}" if c else "") for n in known]
-        return tuple(names)
-
     # -- back to trajectories --------------------------------------------------------------------
 
     def times(self, index: int, p: FloatArray) -> FloatArray:
@@ -400,6 +205,16 @@ class Assembly:
     def states(self, index: int, w: FloatArray) -> FloatArray:
         """Return the states of a phase at its knots (n, nx)."""
         return np.array(w[:, self._columns[index]["x", 0.0]])
+
+    def objective(self, index: int, w: FloatArray, p: FloatArray) -> float:
+        """Return what a phase contributes to the objective."""
+        stages = self.segments
+        columns = np.tile(p[:, None], (1, stages)), self.nlp.s[:-1].T
+        integral = self._costs[index].map(stages)(w[:-1].T, w[1:].T, *columns)
+        t0, tf = self._times(index, p)
+        x = self.states(index, w)
+        mayer = self.parts[index].phase.terminal(t0, tf, x[0], x[-1], self.parameters(index, p))
+        return float(casadi.sum2(integral)) + float(mayer)
 
     def interpolant(self, index: int, w: FloatArray, p: FloatArray) -> Interpolant:
         """Return the trajectory of a phase between its knots."""
@@ -432,34 +247,9 @@ class Assembly:
         )
 
 
-def _free_times(part: Part) -> list[tuple[str, tuple[float, float], float]]:
-    """Return name, bounds and guess of the unknown times of a phase.
-
-    With both ends free the unknowns are start and duration: a bound of an unknown is never left,
-    so time cannot run backward on the way, as it could with a constraint tf >= t0.
-    """
-    (low, high), (first, last), guess = part.phase.t0, part.phase.tf, part.guess
-    if low < high and first < last:
-        duration = max(first - high, 0.0), last - low
-        return [("t0", (low, high), guess.t0), ("duration", duration, guess.tf - guess.t0)]
-    if low < high:
-        return [("t0", (low, min(high, first)), guess.t0)]
-    if first < last:
-        return [("tf", (max(first, low), last), guess.tf)]
-    return []
-
-
 def _interleave(parts: list[FloatArray]) -> FloatArray:
     """Return entries of the first segment's pieces, then the second's, and so on."""
     stacked = np.stack(parts, axis=1)
     return np.asarray(
         stacked.reshape(len(parts) * len(parts[0]), *stacked.shape[2:]), dtype=np.float64
     )
-
-
-def _powers(bounds: tuple[FloatArray, FloatArray], values: FloatArray) -> FloatArray:
-    """Return powers of two near the largest finite bound, or the largest value of the guess."""
-    sizes = np.abs(np.stack(bounds))
-    finite = np.where(np.isfinite(sizes), sizes, 0.0).max(axis=0, initial=0.0)
-    largest = np.where(finite > 0, finite, np.abs(values).max(axis=0, initial=0.0))
-    return np.asarray(np.exp2(np.round(np.log2(np.where(largest > 0, largest, 1.0)))))

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.collocation.staged import StagedNLP
+from trajopt.errors import ArgumentError
 
-__all__ = ["Violation", "explain", "find_violations", "limits_reached"]
+__all__ = ["Violation", "check_start", "explain", "find_violations", "limits_reached"]
 
 FloatArray = NDArray[np.float64]
 
 # Violations below this are roundoff of a solver that has done its work.
 NOTICED = 1e-6
+LARGEST = float(np.finfo(np.float64).max)
 # A variable within this share of its range counts as being at its bound.
 TOUCHING = 1e-4
 
@@ -52,7 +54,11 @@ class Violation:
 
 
 def find_violations(
-    nlp: StagedNLP, w: FloatArray, p: FloatArray, times: FloatArray, above: float = NOTICED
+    nlp: StagedNLP,
+    w: FloatArray,
+    p: FloatArray,
+    times: Mapping[str, FloatArray],
+    above: float = NOTICED,
 ) -> list[Violation]:
     """Return all violated constraints and bounds, worst first.
 
@@ -61,31 +67,52 @@ def find_violations(
     nlp : StagedNLP
     w, p : arrays
         Where to look.
-    times : (n,) array
-        Times of the nodes [s].
+    times : dict of str to (n,) array
+        Times of the nodes [s], by the prefix of names that belong to a phase.
     above : float
         Violations up to this are left out.
     """
     values, names = nlp.evaluate(w, p), nlp.names
-    end, nowhere = times[-1:], np.array([np.nan])
+    last, glob = values.last[None], values.glob[None]
     found: list[Violation] = []
-    for labels, when, value, lower, upper in (
-        (names.stage, times[:-1], values.stage, nlp.c_lower, nlp.c_upper),
-        (names.last, end, values.last[None], nlp.last_lower[None], nlp.last_upper[None]),
-        (names.glob, nowhere, values.glob[None], nlp.glob_lower[None], nlp.glob_upper[None]),
-        (names.w, times, w, nlp.w_lower, nlp.w_upper),
-        (names.p, nowhere, p[None], nlp.p_lower[None], nlp.p_upper[None]),
+    for labels, first, value, lower, upper in (
+        (names.stage, 0, values.stage, nlp.c_lower, nlp.c_upper),
+        (names.last, nlp.n - 1, last, nlp.last_lower[None], nlp.last_upper[None]),
+        (names.glob, None, glob, nlp.glob_lower[None], nlp.glob_upper[None]),
+        (names.w, 0, w, nlp.w_lower, nlp.w_upper),
+        (names.p, None, p[None], nlp.p_lower[None], nlp.p_upper[None]),
     ):
         amount = np.maximum(lower - value, value - upper)
         # NaN is a violation too.
         for k, i in np.argwhere(~(amount <= above)):
+            own = [t for prefix, t in times.items() if labels[i].startswith(prefix)]
+            when = float(own[0][first + k]) if own and first is not None else float("nan")
             found.append(
                 Violation(
-                    labels[i], float(when[k]), float(value[k, i]), float(lower[k, i]),
-                    float(upper[k, i]), float(amount[k, i]),
+                    name=labels[i],
+                    time=when,
+                    value=float(value[k, i]),
+                    lower=float(lower[k, i]),
+                    upper=float(upper[k, i]),
+                    amount=float(amount[k, i]),
                 )
-            )  # fmt: skip
+            )
     return sorted(found, key=lambda v: -np.inf if np.isnan(v.amount) else -v.amount)
+
+
+def check_start(nlp: StagedNLP, times: Mapping[str, FloatArray]) -> None:
+    """Raise if cost or constraints are not finite at the guess, naming where."""
+    if not np.isfinite(nlp.evaluate(nlp.w_guess, nlp.p_guess).cost):
+        raise ArgumentError(
+            "solve: the objective is not finite for the guess; start where it is defined"
+        )
+    values = find_violations(nlp, nlp.w_guess, nlp.p_guess, times, above=LARGEST)
+    if values:
+        raise ArgumentError(
+            f"solve: {values[0].name} is {values[0].value:g} for the guess"
+            + ("" if np.isnan(values[0].time) else f" at t = {values[0].time:.4g} s")
+            + "; start where the functions are defined"
+        )
 
 
 def limits_reached(nlp: StagedNLP, w: FloatArray) -> list[str]:

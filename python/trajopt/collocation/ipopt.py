@@ -73,10 +73,13 @@ def solve_ipopt(
         "ipopt.honor_original_bounds": "yes",
         "print_time": False,
         "error_on_fail": False,
+        "show_eval_warnings": False,
     }
     if warm_start is not None:
         settings |= {"ipopt.warm_start_init_point": "yes", "ipopt.mu_init": 1e-6}
     settings |= {f"ipopt.{name}": value for name, value in (options or {}).items()}
+    if flat.equalities > flat.unknowns:
+        return _overdetermined(nlp, flat)
     solver = casadi.nlpsol("solver", "ipopt", flat.program, settings)
     arguments = flat.arguments
     if warm_start is not None:
@@ -143,10 +146,13 @@ class _Flat:
             "ubg": high[self._rows] / self._row_scale,
         }
 
+        self.unknowns = len(self._free)
+        self.equalities = int(np.sum(low[self._rows] == high[self._rows]))
+
     def unpack(self, x: Any) -> tuple[FloatArray, FloatArray]:
         """Return node unknowns (n, nw) and globals."""
         full, nlp = self._full.copy(), self._nlp
-        full[self._free] = np.asarray(x.full()).ravel() * self._scale
+        full[self._free] = np.asarray(casadi.DM(x).full()).ravel() * self._scale
         size = nlp.n * nlp.nw
         return full[:size].reshape(nlp.n, nlp.nw), full[size:]
 
@@ -179,6 +185,29 @@ class _Flat:
             "lam_g0": rows[self._rows] * self._row_scale,
             "lam_x0": bounds[self._free] * self._scale,
         }
+
+
+def _overdetermined(nlp: StagedNLP, flat: _Flat) -> dict[str, Any]:
+    """Return the guess, with the reason why no solver can start."""
+    w, p = flat.unpack(flat.arguments["x0"])
+    zeros = {
+        "lam_g": casadi.DM.zeros(len(flat.arguments["lbg"])),
+        "lam_x": casadi.DM.zeros(flat.unknowns),
+    }
+    return {
+        "status": Status.INFEASIBLE,
+        "message": (
+            f"{flat.equalities} equations for {flat.unknowns} unknowns: fixed ends and constraints "
+            "leave the motion no freedom; free one of them, add a control or more segments"
+        ),
+        "w": w,
+        "p": p,
+        "multipliers": flat.multipliers_out(zeros),
+        "objective": nlp.evaluate(w, p).cost,
+        "iterations": 0,
+        "history": [],
+        "seconds": 0.0,
+    }
 
 
 def _outcome(

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.checks import choice, finite_array, positive, whole
 from trajopt.collocation.assembly import Assembly, Part
-from trajopt.collocation.diagnosis import explain, find_violations, limits_reached
+from trajopt.collocation.diagnosis import check_start, explain, find_violations, limits_reached
 from trajopt.collocation.errors import segment_errors
 from trajopt.collocation.guess import make_guess
 from trajopt.collocation.ipopt import solve_ipopt
+from trajopt.collocation.phases import MultiPhase, MultiPhaseSolution
 from trajopt.collocation.problem import Problem
 from trajopt.collocation.refinement import is_schedule, refine_automatically, run_schedule
 from trajopt.collocation.solution import Pass, Solution
@@ -68,8 +69,10 @@ def solve_once(
     start = problem.start if guess is None else make_guess("solve", problem.phase, guess)
     scaled = choice("solve", "scaling", scaling, ("none", "auto")) == "auto"
     assembly = Assembly([Part(problem.phase, mesh, start)], transcription, scaled=scaled)
-    result = run_solver(solver)(assembly.nlp, warm_start=warm_start, **settings)
-    (solution,) = solutions(assembly, result, [problem], method, solver)
+    check_start(assembly.nlp, _phase_times(assembly, assembly.nlp.p_guess))
+    known = warm_start if warm_start and _fits(assembly, warm_start) else None
+    result = run_solver(solver)(assembly.nlp, warm_start=known, **settings)
+    (solution,) = _solutions(assembly, result, [problem], method, solver)
     degree = degree or (DEGREE if method in ("chebyshev", "legendre") else 0)
     solution.passes = [
         Pass(
@@ -86,7 +89,22 @@ def solve_once(
     return solution
 
 
-def solutions(
+def _fits(assembly: Assembly, result: Mapping[str, Any]) -> bool:
+    """Return whether an earlier result has the unknowns and constraints of this program."""
+    nlp, multipliers = assembly.nlp, result["multipliers"]
+    shapes = nlp.c_lower.shape, nlp.last_lower.shape, nlp.w_guess.shape, nlp.p_guess.shape
+    names = ("stage", "last", "bounds", "p_bounds")
+    return all(
+        np.shape(multipliers[name]) == shape for name, shape in zip(names, shapes, strict=True)
+    )
+
+
+def _phase_times(assembly: Assembly, p: FloatArray) -> dict[str, FloatArray]:
+    """Return the times of the knots of every phase, by the prefix of its names."""
+    return {part.prefix: assembly.times(k, p) for k, part in enumerate(assembly.parts)}
+
+
+def _solutions(
     assembly: Assembly,
     result: dict[str, Any],
     problems: Sequence[Problem],
@@ -97,7 +115,7 @@ def solutions(
     w, p = result["w"], result["p"]
     message, violations = result["message"], []
     if not result["status"].converged:
-        violations = find_violations(assembly.nlp, w, p, assembly.times(0, p))
+        violations = find_violations(assembly.nlp, w, p, _phase_times(assembly, p))
         reason = explain(violations, limits_reached(assembly.nlp, w))
         message = f"{message}; {reason}" if reason else message
     found = []
@@ -109,7 +127,7 @@ def solutions(
             Solution(
                 status=result["status"],
                 message=message,
-                objective=result["objective"],
+                objective=assembly.objective(index, w, p),
                 t=t,
                 x=assembly.states(index, w),
                 u=interpolant.control(t),
@@ -132,8 +150,57 @@ def solutions(
     return found
 
 
+def solve_phases(
+    problem: MultiPhase,
+    mesh: FloatArray,
+    guess: Any,
+    method: str,
+    solver: str,
+    options_of: Mapping[str, Any],
+    **settings: Any,
+) -> MultiPhaseSolution:
+    """Solve all phases at once, each on the same shares of its own time."""
+    transcription = make_transcription(method, **options_of)
+    if isinstance(guess, MultiPhaseSolution):
+        guess = guess.phases
+    count = len(problem.phases)
+    guesses = [None] * count if guess is None else list(guess)
+    if len(guesses) != count:
+        raise ArgumentError(f"solve: guess has {len(guesses)} entries, expected one per phase")
+    scaled = choice("solve", "scaling", settings.pop("scaling"), ("none", "auto")) == "auto"
+    parts = [
+        Part(
+            phase.phase,
+            mesh,
+            phase.start if own is None else make_guess("solve", phase.phase, own),
+            f"phase {k}: ",
+        )
+        for k, (phase, own) in enumerate(zip(problem.phases, guesses, strict=True))
+    ]
+    assembly = Assembly(parts, transcription, problem.traced, scaled)
+    check_start(assembly.nlp, _phase_times(assembly, assembly.nlp.p_guess))
+    result = run_solver(solver)(assembly.nlp, **settings)
+    found = _solutions(assembly, result, list(problem.phases), method, solver)
+    return MultiPhaseSolution(
+        found,
+        result["objective"],
+        result["status"],
+        found[0].message,
+        result["iterations"],
+        result["seconds"],
+    )
+
+
+@overload
+def solve(problem: Problem, *arguments: Any, **settings: Any) -> Solution: ...
+
+
+@overload
+def solve(problem: MultiPhase, *arguments: Any, **settings: Any) -> MultiPhaseSolution: ...
+
+
 def solve(
-    problem: Problem,
+    problem: Problem | MultiPhase,
     method: str = "hermite_simpson",
     segments: Any = 25,
     solver: str = "ipopt",
@@ -142,18 +209,19 @@ def solve(
     points: str | None = None,
     substeps: int | None = None,
     guess: Any = None,
+    warm_start: Solution | None = None,
     tolerance: float = 1e-8,
     max_iterations: int = 3000,
     scaling: str = "none",
     options: Mapping[str, Any] | None = None,
     refine: Any = None,
     max_refinements: int = 8,
-) -> Solution:
+) -> Solution | MultiPhaseSolution:
     """Transcribe a problem, solve it, and return the trajectory.
 
     Parameters
     ----------
-    problem : Problem
+    problem : Problem or MultiPhase
     method : str
         ``trapezoidal``, ``hermite_simpson`` (separated), ``hermite_simpson_compressed``,
         ``multiple_shooting`` (RK4), ``chebyshev`` (Lobatto points) or ``legendre``.
@@ -168,7 +236,11 @@ def solve(
     substeps : int, optional
         Runge–Kutta steps per segment of ``multiple_shooting``.
     guess : dict, callable, Solution, optional
-        In place of the problem's.
+        In place of the problem's; for several phases a list with one entry per phase, or an
+        earlier solution.
+    warm_start : Solution, optional
+        In place of a guess: start from an earlier solution and, if method and number of segments
+        are the same, from its multipliers too.
     tolerance : float
         Of the solver.
     max_iterations : int
@@ -187,7 +259,7 @@ def solve(
 
     Returns
     -------
-    Solution
+    Solution or MultiPhaseSolution
         Also where the solver did not converge: `Solution.status` and `Solution.message` say why.
 
     Raises
@@ -195,8 +267,10 @@ def solve(
     ArgumentError, ArgumentTypeError
         For arguments that cannot be used, before the solver starts.
     """
-    if not isinstance(problem, Problem):
-        raise ArgumentTypeError(f"solve: problem must be a Problem, not {type(problem).__name__}")
+    if not isinstance(problem, (Problem, MultiPhase)):
+        raise ArgumentTypeError(
+            f"solve: problem must be a Problem or MultiPhase, not {type(problem).__name__}"
+        )
     base: dict[str, Any] = {
         "method": method,
         "degree": degree,
@@ -211,9 +285,34 @@ def solve(
         "options": options,
     }
 
+    if warm_start is not None:
+        if guess is not None:
+            raise ArgumentError("solve: guess and warm_start are given, expected one")
+        if not isinstance(warm_start, Solution) or isinstance(problem, MultiPhase):
+            raise ArgumentTypeError(
+                "solve: warm_start must be a Solution of one phase, "
+                f"not {type(warm_start).__name__}"
+            )
+    if isinstance(problem, MultiPhase):
+        if refine is not None:
+            raise ArgumentError("solve: refine is for problems of one phase")
+        shape = {name: base.pop(name) for name in ("degree", "points", "substeps")}
+        return solve_phases(problem, make_mesh(segments), guess, options_of=shape, **base, **fixed)
+    single = problem
+
     def once(mesh: Any, changes: Mapping[str, Any], earlier: Any) -> Solution:
         start = guess if earlier is None else earlier
-        return solve_once(problem, make_mesh(mesh), guess=start, **{**base, **changes}, **fixed)
+        known = None
+        if earlier is None and warm_start is not None:
+            start, known = warm_start, warm_start.result or None
+        return solve_once(
+            single,
+            make_mesh(mesh),
+            guess=start,
+            warm_start=known,
+            **{**base, **changes},
+            **fixed,
+        )
 
     if refine is None:
         return once(segments, {}, None)

@@ -140,7 +140,7 @@ def _flat(values: Any) -> FloatArray:
 
 
 def constraint_violation(nlp: StagedNLP, w: FloatArray, p: FloatArray) -> float:
-    """Return the largest amount by which w, p leave a bound or a constraint."""
+    """Return the largest amount by which w, p leave a bound or a constraint; inf for NaN."""
     values = nlp.evaluate(w, p)
     parts = (
         (w, nlp.w_lower, nlp.w_upper),
@@ -152,5 +152,7 @@ def constraint_violation(nlp: StagedNLP, w: FloatArray, p: FloatArray) -> float:
     worst = 0.0
     for value, lower, upper in parts:
         for excess in (lower - value, value - upper):
-            worst = max(worst, float(np.max(excess, initial=0.0)))
+            worst = max(
+                worst, float(np.max(np.where(np.isnan(excess), np.inf, excess), initial=0.0))
+            )
     return worst

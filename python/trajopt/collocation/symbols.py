@@ -94,8 +94,8 @@ class Symbol:
     Examples
     --------
     >>> x = symbols("x", 2)
-    >>> np.sin(x[0]) * 2.0 + x @ x
-    Symbol(((2*sin(x_0))+(sq(x_0)+sq(x_1))))
+    >>> np.sin(x[0]) * 2.0 - x[1]
+    Symbol(((2.*sin(x_0))-x_1))
     """
 
     __slots__ = ("value",)

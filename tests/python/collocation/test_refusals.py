@@ -82,6 +82,31 @@ def test_control_bound_at_an_end_without_control() -> None:
         col.solve(block(uf_bounds=(0, 0)), method="legendre")
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"dynamics": lambda t, x, u: [np.sqrt(x[0] - 0.5), u[0]]}, r"dynamics of x\[0\] is nan"),
+        ({"dynamics": lambda t, x, u: [1 / (x[0] * (x[0] - 1)), u[0]]}, r"dynamics of x\[0\] is"),
+        ({"objective": lambda t, x, u: np.log(x[1] - 1)}, "objective is not finite"),
+        (
+            {"path": (lambda t, x, u: [np.log(x[0] - 2)], 0, 1), "x_names": ["s", "v"]},
+            r"path\[0\] is nan for the guess at t = 0 s",
+        ),
+    ],
+)
+def test_guess_where_a_function_is_undefined(changes: dict[str, Any], words: str) -> None:
+    with pytest.raises(ArgumentError, match=words):
+        col.solve(block(**changes), segments=6)
+
+
+def test_guess_and_warm_start() -> None:
+    solution = col.solve(block(), segments=2)
+    with pytest.raises(ArgumentError, match="expected one"):
+        col.solve(block(), guess={}, warm_start=solution)
+    with pytest.raises(TypeError, match="warm_start must be a Solution"):
+        col.solve(block(), warm_start={})  # type: ignore[call-overload]
+
+
 def branch(t: Any, x: Any, u: Any) -> list[Any]:
     if x[0] > 0:
         return [x[1], u[0]]
