@@ -70,7 +70,7 @@ def solve_ipopt(
         # An "acceptable" point is none: the status says that the tolerances were met or not.
         "ipopt.acceptable_iter": 0,
         # Bounds are kept as the user gave them, not widened by 1e-8.
-        "ipopt.honor_original_bounds": "yes",
+        "ipopt.bound_relax_factor": 0.0,
         "print_time": False,
         "error_on_fail": False,
         "show_eval_warnings": False,
