@@ -25,4 +25,5 @@ PYBIND11_MODULE(_core, m) {
   trajopt::bindings::register_problem(m);
   trajopt::bindings::register_solver(m);
   trajopt::bindings::register_paper(m);
+  trajopt::bindings::register_interior_point(m);
 }
