@@ -18,7 +18,7 @@ inline linalg::Ordering parse_ordering(const std::string& name) {
        {Ordering::automatic, Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
     if (name == linalg::ordering_name(ordering)) return ordering;
   }
-  throw ArgumentError("ordering is '" + name +
+  throw ArgumentError("ordering = '" + name +
                       "', expected 'auto', 'sequential', 'cyclic' or 'chunked'");
 }
 

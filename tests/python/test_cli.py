@@ -197,3 +197,12 @@ def test_resume_without_a_scenario_names_the_file(
     code, _, err = run(capsys, "solve", "--resume", saved)
     assert code == 2
     assert f"{saved}: does not say" in err
+
+
+def test_report_says_what_is_left_of_each_term_and_warns_of_rough_physics(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    coarse = ("--set", "grid.dt=0.1", "--quiet", "--out", tmp_path / "hop.npz")
+    _, out, _ = run(capsys, "solve", "hop", *coarse)
+    assert "center_of_mass_position" in out
+    assert "rough between frames" in out

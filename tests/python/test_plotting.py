@@ -92,6 +92,20 @@ def test_long_motions_are_cut_into_rows() -> None:
     assert len(Strobe(motion("chain", frames=800, dt=0.05)).strips) == 4
 
 
+def test_rows_have_one_kind_of_axis() -> None:
+    solution = motion("chain", frames=800, dt=0.05, speed=0.0)
+    solution.x[600:, 0] += np.linspace(0.0, 40.0, 200)  # the last row alone travels
+    assert all(strip.pulled_apart for strip in Strobe(solution).strips)
+
+
+def test_no_part_hangs_in_the_air() -> None:
+    model = trajopt.load_model("biped")
+    placed = Puppet(model).place(model.home)
+    foot = model.transforms(model.home)[model.body_names.index("left_foot"), :, 3]
+    sticks = [p for p, _ in placed if len(p) == 2 and np.allclose(p[0], foot)]
+    assert len(sticks) >= 2
+
+
 def test_forces_of_bodies_add_up() -> None:
     solution = motion("mammal")
     total = sum(forces_by_body(solution).values())

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["solve"]
 
+# A residual between frames above this share of the weight is worth a word.
+ROUGH = 0.1
+
 
 def solve(
     scenario: Annotated[
@@ -113,6 +116,8 @@ def _report(solution: Solution, target: Path, *, as_json: bool) -> None:
         f"  {figures['iterations']} iterations, {figures['seconds']:.1f} s,"
         f" objective {solution.objective:.6g}"
     )
+    terms = sorted(solution.objective_terms.items(), key=lambda item: -item[1])
+    typer.echo("  of which " + ", ".join(f"{name} {value:.3g}" for name, value in terms if value))
     for name, label in (
         ("frame_violation_max", "physics on the frames, max"),
         ("frame_violation_rms", "physics on the frames, rms"),
@@ -120,4 +125,8 @@ def _report(solution: Solution, target: Path, *, as_json: bool) -> None:
     ):
         if figures[name] is not None:
             typer.echo(f"  {label}: {figures[name]:.2e} of the body weight")
+    if (figures["fine_violation_rms"] or 0.0) > ROUGH:
+        typer.echo(
+            "  rough between frames: try a smaller grid.dt, or softer ground (contact.normal)"
+        )
     typer.echo(f"  written: {target}")

@@ -84,7 +84,14 @@ class Strip:
 
 
 def plan_strip(
-    puppet: Puppet, view: View, x: FloatArray, center: FloatArray, frames: NDArray[np.intp]
+    puppet: Puppet,
+    view: View,
+    x: FloatArray,
+    center: FloatArray,
+    frames: NDArray[np.intp],
+    *,
+    width: float | None = None,
+    apart: bool = False,
 ) -> Strip:
     """Choose the poses of a row and how far they are pulled apart.
 
@@ -100,10 +107,15 @@ def plan_strip(
         Center of mass of all frames [m].
     frames : (n,) array of int
         Frames of the row.
+    width : float, optional
+        Room for a pose [m]; that of the first one by default.
+    apart : bool
+        Pull poses apart even where the motion leaves room for them.
     """
     along = view.project(center[frames])[:, 0]
-    width, _ = silhouette_size(puppet, view, x[frames[0]])
-    count, shift = _spacing(float(along[-1] - along[0]), width)
+    if width is None:
+        width, _ = silhouette_size(puppet, view, x[frames[0]])
+    count, shift = _spacing(float(along[-1] - along[0]), width, apart)
     # Every frame moves in proportion to its time, so that the path stays smooth.
     offset = np.linspace(0.0, shift, len(frames))
     chosen = np.unique(np.linspace(0, len(frames) - 1, count).round().astype(np.intp))
@@ -126,9 +138,9 @@ def silhouette_size(puppet: Puppet, view: View, x: FloatArray) -> tuple[float, f
     return float(max(high[0] - low[0], 0.35 * (high[1] - low[1]))), float(high[1])
 
 
-def _spacing(travel: float, width: float) -> tuple[int, float]:
+def _spacing(travel: float, width: float, apart: bool) -> tuple[int, float]:
     """Return the number of poses and the shift [m] between the first and the last one."""
     count = int(np.clip(round(abs(travel) / (GOOD_GAP * width)) + 1, MIN_POSES, MAX_POSES))
-    if abs(travel) >= MIN_GAP * width * (count - 1):
+    if not apart and abs(travel) >= MIN_GAP * width * (count - 1):
         return count, 0.0
     return PULLED_POSES, PULLED_GAP * width * (PULLED_POSES - 1) - travel

@@ -48,8 +48,7 @@ class Puppet:
         geoms = range(self._m.ngeom)
         shapes = (_shape(self._m, g) for g in geoms if self._m.geom_bodyid[g] > 0)
         self._shapes = [shape for shape in shapes if shape is not None]
-        if not self._shapes:
-            self._shapes = _bones(self._m)
+        self._shapes += _bones(self._m, self._shapes)
 
     def place(self, x: ArrayLike) -> list[tuple[FloatArray, float]]:
         """Return points (n, 3) [m] and radius [m] of every shape at the coordinates `x` (D,)."""
@@ -138,11 +137,21 @@ def _shape(m: Any, geom: int) -> Shape | None:
     return None
 
 
-def _bones(m: Any) -> list[Shape]:
-    """Return sticks from every body to its children, for a model that has no geoms."""
+def _bones(m: Any, shapes: list[Shape]) -> list[Shape]:
+    """Return sticks that join what hangs in the air: shapes off their joint, bodies without one."""
     reach = float(np.abs(m.body_pos).max(initial=0.0)) or 0.1
-    return [
+    drawn = {int(m.geom_bodyid[shape.geom]) for shape in shapes}
+    bones = [
         Shape(-int(m.body_parentid[b]), np.array([np.zeros(3), m.body_pos[b]]), 0.04 * reach)
         for b in range(1, m.nbody)
-        if m.body_parentid[b] > 0
-    ] or [Shape(-b, np.zeros((1, 3)), 0.3 * reach) for b in range(1, m.nbody)]
+        if m.body_parentid[b] > 0 and int(m.body_parentid[b]) not in drawn
+    ]
+    for shape in shapes:
+        center = np.array(m.geom_pos[shape.geom])
+        ball = len(shape.points) == 1
+        if ball and np.linalg.norm(center) > shape.radius:
+            body = int(m.geom_bodyid[shape.geom])
+            bones.append(Shape(-body, np.array([np.zeros(3), center]), 0.4 * shape.radius))
+    if bones or shapes:
+        return bones
+    return [Shape(-b, np.zeros((1, 3)), 0.3 * reach) for b in range(1, m.nbody)]

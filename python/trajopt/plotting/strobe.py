@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.plotting.camera import Strip, View, look_across, plan_strip
+from trajopt.plotting.camera import Strip, View, look_across, plan_strip, silhouette_size
 from trajopt.plotting.shapes import Puppet, outline
 from trajopt.plotting.style import ACCENT, INK, MUTED, tidy, time_colors
 
@@ -28,6 +28,7 @@ MAX_ROWS = 4
 # Height of the arrow of a force as large as the body weight, as a share of the picture's height;
 # forces below the second share of the weight have no arrow.
 ARROW, SMALLEST_ARROW = 0.3, 0.05
+LEAST_ASPECT = 2.2  # of the ground in the picture to its height
 
 
 class Strobe:
@@ -49,17 +50,25 @@ class Strobe:
         self._view = look_across(self._center)
         duration = float(solution.times[-1] - solution.times[0])
         rows = int(np.clip(np.ceil(duration / ROW_SECONDS - 0.05), 1, MAX_ROWS))
-        self.strips = [
-            plan_strip(self._puppet, self._view, solution.x, self._center, frames)
-            for frames in np.array_split(np.arange(solution.frames), rows)
-        ]
+        cuts = np.array_split(np.arange(solution.frames), rows)
+        width = max(silhouette_size(self._puppet, self._view, solution.x[c[0]])[0] for c in cuts)
+
+        def plan(*, apart: bool) -> list[Strip]:
+            place = (self._puppet, self._view, solution.x, self._center)
+            return [plan_strip(*place, frames, width=width, apart=apart) for frames in cuts]
+
+        self.strips = plan(apart=False)
+        if any(strip.pulled_apart for strip in self.strips):  # one kind of axis for all rows
+            self.strips = plan(apart=True)
         self._top = 1.06 * max(strip.top for strip in self.strips)
-        self._span = max(strip.right - strip.left for strip in self.strips)
+        # A short motion gets more ground, so that the picture is never narrower than the page.
+        spans = [strip.right - strip.left for strip in self.strips]
+        self._span = max(*spans, LEAST_ASPECT * self._top)
 
     def height(self, width: float) -> float:
         """Return how high the picture is when it is `width` wide, labels and all [inch]."""
         row = (width - 1.6) * 1.06 * self._top / self._span
-        return len(self.strips) * (float(np.clip(row, 0.7, 4.5)) + 0.65)
+        return len(self.strips) * (max(row, 0.7) + 0.65)
 
     def draw(self, cell: SubFigure, rows: Sequence[Axes]) -> None:
         """Draw one strip into each of `rows`, and the colour bar into `cell`."""
@@ -94,9 +103,10 @@ class Strobe:
         axes.grid(visible=False)
         axes.axhspan(-self._top, 0.0, color="#f1f2f4", zorder=0, linewidth=0)
         axes.axhline(0.0, color=MUTED, linewidth=1.0, zorder=1)
-        axes.set_xlim(strip.left, strip.left + self._span)
+        left = strip.left - (self._span - strip.right + strip.left) / 2
+        axes.set_xlim(left, left + self._span)
         axes.set_ylim(-0.06 * self._top, self._top)
-        axes.set_aspect("equal", adjustable="box")
+        axes.set_aspect("equal", adjustable="box", anchor="W")
         if strip.pulled_apart:
             shown = solution.times[strip.frames[strip.chosen]]
             axes.set_xticks(marks[:, 0], [f"{time:.2f}" for time in shown])
