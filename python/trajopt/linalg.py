@@ -181,7 +181,7 @@ class SymmetricBlockTridiagonal:
 expected a positive one (regularization 0)
         """
         if ordering not in _ORDERINGS:
-            raise ArgumentError(f"ordering is {ordering!r}, expected one of {_ORDERINGS}")
+            raise ArgumentError(f"ordering = {ordering!r}, expected one of {_ORDERINGS}")
         if precision not in _PRECISIONS:
             raise ArgumentError(f"precision is {precision!r}, expected one of {_PRECISIONS}")
         where = choose_device(device)
