@@ -135,7 +135,7 @@ def solve(
     device : {"auto", "cpu", "cuda"}
         Where to run. ``"cuda"`` is for the default method on frames that are not periodic, without
         terms that are functions of the user; ``"auto"`` is the CPU. For one `ordering` other than
-        ``"auto"`` both give the same bits.
+        ``"auto"`` both are written to give the same bits (so far tested by emulation only).
     callback : callable, optional
         Called with an `IterationRecord` after each iteration; returning True stops the solve.
     max_iterations : int, optional
