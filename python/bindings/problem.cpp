@@ -29,7 +29,8 @@ DenseKind parse_dense(const std::string& name) {
       {"point_position", DenseKind::point_position},
       {"point_velocity", DenseKind::point_velocity},
       {"contact_rate", DenseKind::contact_rate},
-      {"contact_slip", DenseKind::contact_slip}};
+      {"contact_slip", DenseKind::contact_slip},
+      {"contact_impact", DenseKind::contact_impact}};
   for (const auto& [text, kind] : kNames)
     if (name == text) return kind;
   throw ArgumentError("kind = '" + name + "': unknown objective term");

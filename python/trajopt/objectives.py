@@ -22,6 +22,7 @@ __all__ = [
     "CenterOfMassPosition",
     "CenterOfMassVelocity",
     "ContactForceRate",
+    "ContactImpact",
     "ContactSlip",
     "ControlEffort",
     "JointVelocity",
@@ -329,6 +330,32 @@ class ContactSlip(_Term):
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
         build.dense("contact_slip", build.all_frames(self.weight))
+
+
+@dataclass(frozen=True)
+class ContactImpact(_Term):
+    """Come down and lift slowly: the mean of normal force times squared speed along the normal.
+
+    In body weights and units of √(g · length). The speed of a step between two frames is weighted
+    with the normal forces of both: striking the ground costs, and so does pushing off while still
+    loaded. `ContactForceRate` sees the difference of the forces at two frames; a point that crosses
+    its whole depth between them makes a force in the middle that neither frame knows. On stiff
+    ground this term is what makes a jumper retract its feet before they land.
+
+    Parameters
+    ----------
+    weight : float
+        Its factor; 10 makes the weight of the body coming down at a tenth of the unit speed cost
+        0.1. On ground so soft that a jumper must sink in to push off it forbids the jump: leave it
+        out of the first passes (``Stage(..., factors={"contact_impact": 0.0})``).
+    """
+
+    task: ClassVar[bool] = False
+    weight: float = 10.0
+
+    def emit(self, build: TermBuilder) -> None:
+        """Write the term into the core's objective."""
+        build.dense("contact_impact", build.all_frames(self.weight))
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,8 @@ def solve(
     noise : float
         Amplitude of the noise on the settled start [lengths, rad].
     stages : sequence of Stage, optional
-        Passes of the solve; a warm start runs only the last by default.
+        Passes of the solve. A warm start goes on in the pass where it was cut off; a motion that
+        was solved runs only the last.
     ordering : {"auto", "sequential", "cyclic", "chunked"}
         Elimination order of the KKT system.
     refine : float, optional
@@ -198,7 +199,7 @@ def solve(
     passes = list(enumerate(_stages(METHODS[method].stages if stages is None else stages)))
     if problem.contact is None and stages is None:
         passes = passes[-1:]  # nothing that could grow stiffer
-    if warm_start is not None and stages is None:
+    if warm_start is not None:
         passes = _remaining(passes, warm_start)
     limit = MAX_ITERATIONS if max_iterations is None else max_iterations
     guess = None if warm_start is None else _resample(problem, warm_start)

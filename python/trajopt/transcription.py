@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from trajopt import _core
-from trajopt.checks import positive, whole
+from trajopt.checks import non_negative, positive, whole
+from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.model import SLIDE
 from trajopt.physics import make_physics
 from trajopt.scaling import Scales
@@ -39,22 +41,38 @@ class Stage:
         Fractions of the final normal stiffness, and of the final ratio of friction to stiffness.
     iterations : int or None
         Limit of this pass; None is the solver's.
+    factors : dict of str to float
+        Factors of objective terms in this pass, by their names in ``Solution.objective_terms``; 0
+        leaves a term out.
 
     Raises
     ------
     ArgumentError, ArgumentTypeError
-        If a fraction is not a number > 0, or the limit not a whole number.
+        If a fraction is not a number > 0, a factor not a number >= 0, or the limit not a whole
+        number.
+
+    Examples
+    --------
+    >>> Stage(stiffness=0.1, iterations=100, factors={"contact_impact": 0.0}).friction
+    1.0
     """
 
     stiffness: float = 1.0
     friction: float = 1.0
     iterations: int | None = None
+    factors: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         positive("Stage", "stiffness", self.stiffness)
         positive("Stage", "friction", self.friction)
         if self.iterations is not None:
             whole("Stage", "iterations", self.iterations, 1)
+        if not isinstance(self.factors, Mapping):
+            raise ArgumentTypeError(
+                f"Stage: factors must be a dict of term names and numbers, not {self.factors!r}"
+            )
+        for name, value in self.factors.items():
+            non_negative("Stage", f"factors[{name!r}]", value)
 
 
 class Transcription:
@@ -154,13 +172,20 @@ class Transcription:
 
     # ---- objective -------------------------------------------------------------------------------
 
-    def _builder(self, initial: FloatArray) -> TermBuilder:
-        problem = self.problem
+    def _builder(self, initial: FloatArray, stage: Stage) -> TermBuilder:
+        problem, labels = self.problem, self._labels()
+        for name in stage.factors:
+            if name not in labels:
+                raise ArgumentError(
+                    f"Stage: factors names {name!r}, which is no term of the objective; "
+                    f"its terms: {', '.join(labels)}"
+                )
         builder = TermBuilder(
             problem.model, self.core, self.scales, problem.times, problem.steps, initial
         )
-        for label, term in zip(self._labels(), problem.terms, strict=True):
-            builder.start(label, (self.factors or {}).get(label, 1.0))
+        for label, term in zip(labels, problem.terms, strict=True):
+            factor = (self.factors or {}).get(label, 1.0)
+            builder.start(label, factor * stage.factors.get(label, 1.0))
             term.emit(builder)
         return builder
 
@@ -170,7 +195,7 @@ class Transcription:
             return
         self.factors = {}
         guess = self.still(initial)
-        core = self._core_problem(Stage(), initial, self._builder(initial[1]).objective)
+        core = self._core_problem(Stage(), initial, self._builder(initial[1], Stage()).objective)
         values = dict(zip(*self._term_values(core, guess), strict=True))
         tasks = {
             label: term
@@ -199,7 +224,7 @@ class Transcription:
     def core_problem(self, stage: Stage, initial: FloatArray) -> Any:
         """`_core.TrajectoryProblem` of a stage; `initial` holds frames -1 and 0 in SI."""
         self.normalize(initial)
-        return self._core_problem(stage, initial, self._builder(initial[1]).objective)
+        return self._core_problem(stage, initial, self._builder(initial[1], stage).objective)
 
     def _core_problem(self, stage: Stage, initial: FloatArray, objective: Any) -> Any:
         problem = self.problem

@@ -218,6 +218,16 @@ def test_contact_slip():
     check(scene, "contact_slip", 2.0 * np.sum(SHARE * np.sum(load * slip, axis=1)))
 
 
+def test_contact_impact():
+    scene = Scene(terms.ContactImpact(2.0))
+    _, velocity, depth = scene.forces(STEPS)
+    speed = velocity[1:, :, 2] ** 2 / scene.scales.velocity**2
+    load = CONTACT.normal * (depth[1:] ** 2 + depth[:-1] ** 2) / scene.scales.force
+    assert np.any((depth[1:] == 0) & (depth[:-1] > 0))  # some leave the ground, ...
+    assert np.any((depth[1:] > 0) & (depth[:-1] == 0))  # ... and some strike it
+    check(scene, "contact_impact", 2.0 * np.sum(SHARE * np.sum(load * speed, axis=1)))
+
+
 CHAIN = trajopt.load_model("chain")
 NAME, DOF = CHAIN.body_names[1], CHAIN.dof_names[2]
 ALL = {
@@ -231,6 +241,7 @@ ALL = {
     "smoothness": terms.Smoothness,
     "rate": terms.ContactForceRate,
     "slip": terms.ContactSlip,
+    "impact": terms.ContactImpact,
     "joint_velocity": terms.JointVelocity,
     "physics": terms.PhysicsPenalty,
 }

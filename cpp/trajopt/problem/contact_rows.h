@@ -2,6 +2,8 @@
 //
 //   contact_rate  (F(P_i, v_i) - F(P_{i-1}, v_{i-1}))/dt: contacts load and unload gently
 //   contact_slip  sqrt(w_n) d v_t: loaded points stand still; |row|^2 = normal force * slip^2
+//   contact_impact  sqrt(w_n) d v_n with d of frame i and of frame i-1: points come down and lift
+//                   slowly, so that none crosses its whole depth within one frame
 //
 // with v by backward differences. Points that touch nothing in any lane have no rows.
 #pragma once
@@ -10,8 +12,9 @@
 
 namespace trajopt::inline TRAJOPT_ISA {
 
-// Three rows with the derivatives by[q] by the point at nodes 0 .. nodes - 1.
-template <class S>
+// Rows with the derivatives by[q], of which the first `Rows` count, by the point at nodes
+// 0 .. nodes - 1.
+template <int Rows, class S>
 TRAJOPT_HD inline void add_rows_of_point(const ModelView& model, DynamicsWorkspace<S>& ws,
                                          int joint, const Vec3<S>* p, const Mat3<S>* by, int nodes,
                                          RowList<S>& out) {
@@ -20,15 +23,16 @@ TRAJOPT_HD inline void add_rows_of_point(const ModelView& model, DynamicsWorkspa
   for (int q = 0; q < nodes; ++q) {
     const S* directions = ws.directions;
     point_directions(model, ws, chain, n, q, p[q], ws.directions);
-    S* to = out.jacobian() + q * 3 * n;
+    S* to = out.jacobian() + q * Rows * n;
     for (int i = 0; i < n; ++i) {
       const Vec3<S> column =
           by[q] * Vec3<S>{directions[i], directions[n + i], directions[2 * n + i]};
-      for (int k = 0; k < 3; ++k) to[k * n + i] = column[k];
+      for (int k = 0; k < Rows; ++k) to[k * n + i] = column[k];
     }
   }
   const bool all = n == model.ndof;
-  out.add(all ? RowList<S>::kEverywhere : chain[n - 1], 3, nodes, n, all ? out.every_dof() : chain);
+  out.add(all ? RowList<S>::kEverywhere : chain[n - 1], Rows, nodes, n,
+          all ? out.every_dof() : chain);
 }
 
 template <class S, bool Derivatives>
@@ -59,7 +63,7 @@ TRAJOPT_HD inline void contact_rate_rows(const ModelView& model, const Physics& 
         by[1].m[i] = -c * (vn + before.by_position.m[i] + vb);
         by[2].m[i] = c * vb;
       }
-      add_rows_of_point(model, ws, point.joint, p, by, 3, out);
+      add_rows_of_point<3>(model, ws, point.joint, p, by, 3, out);
     } else {
       out.add_residuals(3);
     }
@@ -94,9 +98,45 @@ TRAJOPT_HD inline void contact_slip_rows(const ModelView& model, const Physics& 
           by[1](i, j) = -rate;
         }
       }
-      add_rows_of_point(model, ws, point.joint, p, by, 2, out);
+      add_rows_of_point<3>(model, ws, point.joint, p, by, 2, out);
     } else {
       out.add_residuals(3);
+    }
+  }
+}
+
+// The first row catches a point that strikes the ground, the second one that leaves it.
+template <class S, bool Derivatives>
+TRAJOPT_HD inline void contact_impact_rows(const ModelView& model, const Physics& physics,
+                                           DynamicsWorkspace<S>& ws, const S& scale,
+                                           const S& inverse_dt, RowList<S>& out) {
+  const S c = scale * S(__builtin_sqrt(physics.normal));
+  const Vec3<S> n = broadcast3<S>(physics.plane_normal);
+  for (int k = 0; physics.contact() && k < model.npoint; ++k) {
+    const ContactPoint& point = model.points[k];
+    const Vec3<S> local = broadcast3<S>(point.position);
+    Vec3<S> p[2];
+    S depth[2];
+    for (int q = 0; q < 2; ++q) {
+      p[q] = apply(ws.joints[q][point.joint], local);
+      depth[q] = max(ground_depth(physics, p[q], point.radius), S(0.0));
+    }
+    if (!any(depth[0] > S(0.0)) && !any(depth[1] > S(0.0))) continue;
+    const S vn = inverse_dt * dot(n, p[0] - p[1]);
+    for (int q = 0; q < 2; ++q) out.residual()[q] = c * depth[q] * vn;
+    if constexpr (Derivatives) {
+      Mat3<S> by[2];  // row q, of depth q, by the point at node r
+      for (int q = 0; q < 2; ++q) {
+        const S touches = select(depth[q] > S(0.0), S(1.0), S(0.0));
+        const S rate = c * depth[q] * inverse_dt, sinks = c * touches * vn;
+        for (int j = 0; j < 3; ++j) {
+          by[0](q, j) = (q == 0 ? rate - sinks : rate) * n[j];
+          by[1](q, j) = (q == 1 ? -rate - sinks : -rate) * n[j];
+        }
+      }
+      add_rows_of_point<2>(model, ws, point.joint, p, by, 2, out);
+    } else {
+      out.add_residuals(2);
     }
   }
 }

@@ -107,6 +107,10 @@ TRAJOPT_HD inline void objective_rows(const FrameInput& in, long begin, int coun
         case DenseKind::contact_slip:
           contact_slip_rows<S, Derivatives>(model, *in.physics, ws, scale, frame.inverse_dt, rows);
           break;
+        case DenseKind::contact_impact:
+          contact_impact_rows<S, Derivatives>(model, *in.physics, ws, scale, frame.inverse_dt,
+                                              rows);
+          break;
         case DenseKind::effort:
         case DenseKind::physics: {
           const bool effort = term.kind == DenseKind::effort;

@@ -20,7 +20,8 @@ enum class DenseKind : int {
   point_position,           // P(x_i) - target
   point_velocity,           // (P(x_i) - P(x_{i-1}))/dt - target
   contact_rate,             // (F_i - F_{i-1})/dt of every contact point
-  contact_slip              // sqrt(w_n) d v_t of every contact point
+  contact_slip,             // sqrt(w_n) d v_t of every contact point
+  contact_impact            // sqrt(w_n) d v_n of every contact point, d before and after the step
 };
 
 struct DenseTerm {
@@ -35,6 +36,7 @@ struct DenseTerm {
 // Rows a term has at most; the contact terms leave out points that touch nothing.
 TRAJOPT_HD inline int rows_of(DenseKind kind, const ModelView& model) {
   if (kind == DenseKind::contact_rate || kind == DenseKind::contact_slip) return 3 * model.npoint;
+  if (kind == DenseKind::contact_impact) return 2 * model.npoint;
   if (kind == DenseKind::effort) return model.nactuated;
   return kind == DenseKind::physics ? model.nunactuated : 3;
 }

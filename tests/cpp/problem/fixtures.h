@@ -137,6 +137,7 @@ inline Objective every_term(const Model& model, int frames, Random& random) {
   dense(DenseKind::point_velocity, 0.1, true);
   dense(DenseKind::contact_rate, 0.01, false);
   dense(DenseKind::contact_slip, 0.1, false);
+  dense(DenseKind::contact_impact, 0.1, false);
   std::vector<double> pose;
   for (int i = 0; i < frames; ++i) {
     std::vector<double> q(model.nq);
