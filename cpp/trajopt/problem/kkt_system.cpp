@@ -167,7 +167,13 @@ void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
     solve_ring(rhs, m, refinements);
     return;
   }
-  if (refinements > 0) rhs_copy_ = rhs;
+  if (refinements > 0) {
+    rhs_copy_.resize(rhs.size());
+    const long block = static_cast<long>(size_) * m;
+    parallel_for(blocks_, threads_, [&](long i, int) {
+      std::copy_n(rhs.data() + i * block, block, rhs_copy_.data() + i * block);
+    });
+  }
   factorization_->solve(rhs.data(), m, threads_);
   if (refinements == 0) return;
   factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,
