@@ -137,11 +137,14 @@ void KktSystem::assemble_ring(const Linearization& lin, double damping, bool ide
 
 void KktSystem::shift_multipliers(double by) {
   const int width = primal_ + dual_;
-  for (int node = 0; node < nodes_; ++node) {
-    const int g = node / 2, first = node % 2 * width;
-    double* block = ring_ && g + 1 == blocks_ ? corner_.data() : matrix_.diagonal(g);
-    for (int k = first; k < first + dual_; ++k) block[static_cast<long>(k) * size_ + k] += by;
-  }
+  parallel_for(blocks_, threads_, [&](long g, int) {
+    double* block =
+        ring_ && g + 1 == blocks_ ? corner_.data() : matrix_.diagonal(static_cast<int>(g));
+    for (int half = 0; half < 2 && 2 * g + half < nodes_; ++half) {
+      const int first = half * width;
+      for (int k = first; k < first + dual_; ++k) block[static_cast<long>(k) * size_ + k] += by;
+    }
+  });
 }
 
 void KktSystem::factor(double epsilon) {
