@@ -2,7 +2,7 @@
 
     python -m bench.compare linalg                  # all shapes, bench/results/linalg.json
     python -m bench.compare linalg --docs           # and the table in docs/linear_algebra.md
-    python -m bench.compare linalg --only 512,64 --seconds 10
+    python -m bench.compare linalg --only 512,64 --seconds 10 --merge   # one row of it anew
 
 Every library factors the same positive definite matrices with one thread, in turns, in one process;
 of each the best time counts. Peers that are missing are named with the command that installs them.
@@ -61,10 +61,17 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--only", nargs="*", help="shapes N,B")
     parser.add_argument("--seconds", type=float, default=3.0, help="per shape and kind of peer")
     parser.add_argument("--out", type=Path, default=RESULT)
+    parser.add_argument("--merge", action="store_true", help="keep the file's rows of other shapes")
     parser.add_argument("--docs", action="store_true", help="write the table into the docs")
     options = parser.parse_args(arguments)
     shapes = [tuple(map(int, s.split(","))) for s in options.only] if options.only else SHAPES
     result = measure(list(shapes), options.seconds)
+    if options.merge and options.out.exists():
+        kept = json.loads(options.out.read_text())
+        if kept["machine"].rpartition(",")[0] != result["machine"].rpartition(",")[0]:
+            raise SystemExit(f"{options.out} is of another machine: {kept['machine']}")
+        rows = {(r["n"], r["B"]): r for r in kept["rows"] + result["rows"]}
+        result["rows"] = [rows[s] for s in dict.fromkeys((*SHAPES, *shapes)) if s in rows]
     options.out.parent.mkdir(exist_ok=True)
     options.out.write_text(json.dumps(result, indent=1) + "\n")
     print(table(result))
@@ -113,9 +120,9 @@ def measure(shapes: list[tuple[int, ...]], seconds: float) -> dict[str, Any]:
                 print(f"missing: {reason}")
             return None
 
+    cholmod = find(_peers.Cholmod, native)  # before MKL, see there
     lapacks = [p for p in (find(_peers.mkl, native), find(_peers.openblas, native)) if p]
     blasfeo = find(_peers.Blasfeo, native)
-    cholmod = find(_peers.Cholmod, native)
     check(lapacks, blasfeo)
     rows = []
     for blocks, size in shapes:
@@ -166,23 +173,23 @@ def _ours(matrix: Any) -> dict[str, Any]:
 
     from trajopt import _core
 
-    one = _core.BlockTridiagonal(matrix.diagonal[None], matrix.lower[None])
     mixed = matrix.diagonal.copy()
     signs = np.ones((1, matrix.blocks * matrix.size), dtype=np.int8)
     signs[0, ::3] = -1
     along = np.arange(matrix.size)
     mixed[:, along, along] *= signs.reshape(matrix.blocks, matrix.size)
-    quasi = _core.BlockTridiagonal(mixed[None], matrix.lower[None])
 
-    def factor(ordering: str, a: Any, s: Any, threads: int) -> Any:
+    # Each call has a matrix of its own: none finds in the caches what another one left there.
+    def factor(ordering: str, diagonal: Any, s: Any, threads: int) -> Any:
+        a = _core.BlockTridiagonal(diagonal[None], matrix.lower[None])
         f = _core.BlockFactorization(matrix.blocks, matrix.size, ordering, 2, 1)
         return Call(lambda: f.factor(a, s, 0.0, threads))
 
     return {
-        "ours, sequential": factor("sequential", one, None, 1),
-        "ours, chunked": factor("chunked", one, None, 1),
-        "ours, quasi-definite": factor("sequential", quasi, signs, 1),
-        "ours, two threads": factor("chunked", one, None, 2),
+        "ours, sequential": factor("sequential", matrix.diagonal, None, 1),
+        "ours, chunked": factor("chunked", matrix.diagonal, None, 1),
+        "ours, quasi-definite": factor("sequential", mixed, signs, 1),
+        "ours, two threads": factor("chunked", matrix.diagonal, None, 2),
     }
 
 

@@ -39,12 +39,13 @@ void SymmetricBlockTridiagonal::subtract_block(int item, int i, const double* x,
   const double* xi = x + static_cast<long>(i) * size * ldx;
   double* yi = y + static_cast<long>(i) * size * ldy;
   if (i > 0) {
-    kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy, 0);
+    kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy,
+                     ahead + square);
   }
   kernels.subtract_symmetric(size, diagonal(i, item), size, xi, yi, m, ldx, ldy, ahead);
   if (i + 1 < blocks_) {
     kernels.subtract_transposed(size, size, lower(i, item), size, xi + size * ldx, yi, m, ldx, ldy,
-                                ahead);
+                                0);
   }
 }
 
