@@ -48,7 +48,7 @@ TEST(Schedule, TwoSweepsMeetWithoutFill) {
   const Schedule schedule = make_schedule(101, Ordering::chunked, 2);
   ASSERT_EQ(schedule.stages.size(), 2u);
   EXPECT_EQ(schedule.runs.size(), 3u);
-  EXPECT_EQ(schedule.steps.back().block, 47);  // the upward sweep costs 9/8 of the other a block
+  EXPECT_EQ(schedule.steps.back().block, 48);  // the upward sweep costs 1.1 of the other a block
   for (const Step& step : schedule.steps) EXPECT_TRUE(step.left < 0 || step.right < 0);
 }
 
