@@ -1,5 +1,6 @@
 // Time per frame on one core of the dynamics residual, its Jacobians, and a whole linearization
-// with the terms of mammal-walk, in flight, standing on every foot, and walking.
+// with the terms of mammal-walk, in flight, standing on every foot, and walking; and of a whole
+// iteration of the solver, in its phases, as a motion gets longer.
 //
 // TRAJOPT_ISA=avx2 or portable in the environment measures the other instruction sets.
 #include <benchmark/benchmark.h>
@@ -13,6 +14,7 @@
 #include "trajopt/base/buffer.h"
 #include "trajopt/dynamics/batch.h"
 #include "trajopt/problem/trajectory_problem.h"
+#include "trajopt/solver/funnel_sqp.h"
 
 namespace {
 
@@ -161,6 +163,50 @@ void problem(benchmark::State& state, bool derivatives) {
   per_frame(state, n);
 }
 
+// An iteration with everything in it: linearize, assemble, factor, both steps, a trial and two
+// corrections. The work is the same in every round and for every length.
+void iteration(benchmark::State& state) {
+  const long n = state.range(0);
+  const Motion motion("mammal", Where::walk, n);
+  const Model& m = motion.character.model;
+  ProblemOptions options;
+  options.threads = static_cast<int>(state.range(1));
+  TrajectoryProblem p(m, motion.character.physics, motion.dt, walking_terms(m, n),
+                      {motion.frames.begin(), motion.frames.begin() + 2 * m.nq},
+                      std::vector<double>(m.ndof, 0.0), options);
+  State at = p.state_from_frames(motion.frames.data() + 2 * m.nq);
+  const FunnelOptions funnel;
+  const auto executor = make_cpu_executor(p, executor_options(funnel), at);
+  const auto round = [&] {
+    executor->linearize();
+    if (!executor->factor(funnel.damping)) return false;
+    executor->solve_steps();
+    executor->try_step(1.0, 0.1);
+    executor->try_correction(0.1);
+    executor->try_correction(0.1);
+    return true;
+  };
+  if (!round()) {  // also touches all memory
+    state.SkipWithError(executor->error().c_str());
+    return;
+  }
+  executor->take_seconds();
+  PhaseSeconds least{1e9, 1e9, 1e9, 1e9};
+  for (auto _ : state) {
+    round();
+    const PhaseSeconds s = executor->take_seconds();
+    least = {std::min(least.dynamics, s.dynamics), std::min(least.assembly, s.assembly),
+             std::min(least.factorization, s.factorization), std::min(least.solve, s.solve)};
+  }
+  const double scale = 1e6 / static_cast<double>(n);  // of the best round, us/frame
+  state.counters["dynamics"] = least.dynamics * scale;
+  state.counters["assembly"] = least.assembly * scale;
+  state.counters["factor"] = least.factorization * scale;
+  state.counters["solve"] = least.solve * scale;
+  state.counters["all"] =
+      (least.dynamics + least.assembly + least.factorization + least.solve) * scale;
+}
+
 void register_all() {
   const std::pair<const char*, Where> places[] = {
       {"flight", Where::flight}, {"stand", Where::stand}, {"walk", Where::walk}};
@@ -185,6 +231,10 @@ void register_all() {
     for (long n : {400, 1000, 10000, 100000}) b->Arg(n);
     b->Unit(benchmark::kMillisecond);
   }
+  auto* b = benchmark::RegisterBenchmark("iteration/mammal/walk", iteration);
+  b->ArgNames({"n", "threads"})->Unit(benchmark::kMillisecond)->UseRealTime();
+  for (long threads : {1, 2})
+    for (long n : {400, 1000, 4000, 10000, 40000, 100000}) b->Args({n, threads});
 }
 
 }  // namespace

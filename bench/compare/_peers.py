@@ -217,21 +217,30 @@ class Blasfeo:
 
 
 class Cholmod:
-    """Numerical factorization after one analysis, in the given order or CHOLMOD's own."""
+    """Supernodal factorization after one analysis, in the given order or CHOLMOD's own.
+
+    To be made before MKL is opened: it then keeps the BLAS it was built for, Debian's OpenBLAS,
+    which is the faster one here.
+    """
 
     install = "CHOLMOD: apt-get install libsuitesparse-dev"
+    _file = "libcholmod.so.3"
 
     def __init__(self, native: Native) -> None:
         if not hasattr(native.library, "cholmod_open_matrix"):
             raise Missing(self.install)
         self._library = native.library
+        try:
+            self._opened = ctypes.CDLL(self._file, os.RTLD_NOW | os.RTLD_LOCAL)
+        except OSError:
+            raise Missing(self.install) from None
 
     def factor(self, matrix: Matrix, own_ordering: bool) -> Call:
         a = matrix.sparse()
         keep = (a.indptr.astype(np.int32), a.indices.astype(np.int32), a.data)
         handle = ctypes.c_void_p(
             self._library.cholmod_open_matrix(
-                b"libcholmod.so.3", a.shape[0], *map(_pointer, keep), int(own_ordering)
+                self._file.encode(), a.shape[0], *map(_pointer, keep), int(own_ordering)
             )
         )
         if not handle:

@@ -2,7 +2,7 @@
 
     python -m bench.compare linalg                  # all shapes, bench/results/linalg.json
     python -m bench.compare linalg --docs           # and the table in docs/linear_algebra.md
-    python -m bench.compare linalg --only 512,64 --seconds 10
+    python -m bench.compare linalg --only 512,64 --seconds 10 --merge   # one row of it anew
 
 Every library factors the same positive definite matrices with one thread, in turns, in one process;
 of each the best time counts. Peers that are missing are named with the command that installs them.
@@ -61,10 +61,17 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--only", nargs="*", help="shapes N,B")
     parser.add_argument("--seconds", type=float, default=3.0, help="per shape and kind of peer")
     parser.add_argument("--out", type=Path, default=RESULT)
+    parser.add_argument("--merge", action="store_true", help="keep the file's rows of other shapes")
     parser.add_argument("--docs", action="store_true", help="write the table into the docs")
     options = parser.parse_args(arguments)
     shapes = [tuple(map(int, s.split(","))) for s in options.only] if options.only else SHAPES
     result = measure(list(shapes), options.seconds)
+    if options.merge and options.out.exists():
+        kept = json.loads(options.out.read_text())
+        if kept["machine"].rpartition(",")[0] != result["machine"].rpartition(",")[0]:
+            raise SystemExit(f"{options.out} is of another machine: {kept['machine']}")
+        rows = {(r["n"], r["B"]): r for r in kept["rows"] + result["rows"]}
+        result["rows"] = [rows[s] for s in dict.fromkeys((*SHAPES, *shapes)) if s in rows]
     options.out.parent.mkdir(exist_ok=True)
     options.out.write_text(json.dumps(result, indent=1) + "\n")
     print(table(result))
@@ -90,8 +97,6 @@ def best_times(calls: dict[str, Any], seconds: float) -> dict[str, float]:
             elapsed = time.perf_counter() - begin
             best[name] = min(best[name], elapsed)
             spent[name] += elapsed
-            if "threads" in name:
-                time.sleep(0.01)  # OpenMP's idle threads spin for a while
         turn += 1
     return {name: value * 1e3 for name, value in best.items()}
 
@@ -113,9 +118,9 @@ def measure(shapes: list[tuple[int, ...]], seconds: float) -> dict[str, Any]:
                 print(f"missing: {reason}")
             return None
 
+    cholmod = find(_peers.Cholmod, native)  # before MKL, see there
     lapacks = [p for p in (find(_peers.mkl, native), find(_peers.openblas, native)) if p]
     blasfeo = find(_peers.Blasfeo, native)
-    cholmod = find(_peers.Cholmod, native)
     check(lapacks, blasfeo)
     rows = []
     for blocks, size in shapes:
@@ -126,6 +131,7 @@ def measure(shapes: list[tuple[int, ...]], seconds: float) -> dict[str, Any]:
         if blasfeo:
             calls["BLASFEO"] = blasfeo.thomas(matrix)
         times = best_times(calls, seconds)
+        pair = best_times(_our_threads(matrix), seconds / 2)
         slow: dict[str, Any] = {}
         for lapack in lapacks:
             slow[f"dpbtrf, {lapack.name}"] = lapack.band(matrix)
@@ -140,6 +146,7 @@ def measure(shapes: list[tuple[int, ...]], seconds: float) -> dict[str, Any]:
         times_slow = best_times(slow, seconds)
         times_slow.pop("ours")
         row: dict[str, Any] = {"n": blocks, "B": size, "factor_ms": {**times, **times_slow}}
+        row["threads_ms"] = pair
         if (blocks, size) in SOLVES:
             solves = {"ours, sequential": _our_solve(matrix, "sequential")}
             solves["ours, chunked"] = _our_solve(matrix, "chunked")
@@ -166,23 +173,48 @@ def _ours(matrix: Any) -> dict[str, Any]:
 
     from trajopt import _core
 
-    one = _core.BlockTridiagonal(matrix.diagonal[None], matrix.lower[None])
     mixed = matrix.diagonal.copy()
     signs = np.ones((1, matrix.blocks * matrix.size), dtype=np.int8)
     signs[0, ::3] = -1
     along = np.arange(matrix.size)
     mixed[:, along, along] *= signs.reshape(matrix.blocks, matrix.size)
-    quasi = _core.BlockTridiagonal(mixed[None], matrix.lower[None])
 
-    def factor(ordering: str, a: Any, s: Any, threads: int) -> Any:
+    # Each call has a matrix of its own: none finds in the caches what another one left there.
+    def factor(ordering: str, diagonal: Any, s: Any) -> Any:
+        a = _core.BlockTridiagonal(diagonal[None], matrix.lower[None])
         f = _core.BlockFactorization(matrix.blocks, matrix.size, ordering, 2, 1)
-        return Call(lambda: f.factor(a, s, 0.0, threads))
+        return Call(lambda: f.factor(a, s, 0.0, 1))
 
     return {
-        "ours, sequential": factor("sequential", one, None, 1),
-        "ours, chunked": factor("chunked", one, None, 1),
-        "ours, quasi-definite": factor("sequential", quasi, signs, 1),
-        "ours, two threads": factor("chunked", one, None, 2),
+        "ours, sequential": factor("sequential", matrix.diagonal, None),
+        "ours, chunked": factor("chunked", matrix.diagonal, None),
+        "ours, quasi-definite": factor("sequential", mixed, signs),
+    }
+
+
+def _our_threads(matrix: Any) -> dict[str, Any]:
+    """One thread and two, each right after a factorization of its own that is not timed.
+
+    So it is in a solver, whose threads are awake; waking one takes as long as a small matrix.
+    """
+    from bench.compare._peers import Call
+
+    from trajopt import _core
+
+    a = _core.BlockTridiagonal(matrix.diagonal[None], matrix.lower[None])
+
+    def factor(ordering: str, threads: int) -> Any:
+        f = _core.BlockFactorization(matrix.blocks, matrix.size, ordering, 2, 1)
+
+        def run() -> None:
+            f.factor(a, None, 0.0, threads)
+
+        return Call(run, run)
+
+    return {
+        "one, sequential": factor("sequential", 1),
+        "one, chunked": factor("chunked", 1),
+        "two": factor("chunked", 2),
     }
 
 
@@ -256,6 +288,12 @@ def ours(row: dict[str, Any]) -> float:
     return float(min(f["ours, sequential"], f["ours, chunked"]))
 
 
+def two_threads(row: dict[str, Any]) -> tuple[float, float]:
+    """The time, and how many times faster it is than one thread's."""
+    t = row["threads_ms"]
+    return t["two"], min(t["one, sequential"], t["one, chunked"]) / t["two"]
+
+
 def peer(row: dict[str, Any], name: str) -> float | None:
     found = [v for k, v in row["factor_ms"].items() if k == name or k.startswith(name + ",")]
     return min(found) if found else None
@@ -293,7 +331,7 @@ def verdicts(result: dict[str, Any]) -> list[str]:
     )
     text = f"quasi-definite / definite at most {SIGNS_RATIO}"
     judge(text, worst, bool(worst and worst[0] <= SIGNS_RATIO))
-    worst = min((ours(r) / r["factor_ms"]["ours, two threads"], at[id(r)]) for r in rows)
+    worst = min((two_threads(r)[1], at[id(r)]) for r in rows)
     judge(f"two threads at least {THREADS_RATIO} times", worst, worst[0] >= THREADS_RATIO)
     solves = [
         (min(v for k, v in r["solve_ms"].items() if "ours" in k), at[id(r)])
@@ -314,8 +352,7 @@ def table(result: dict[str, Any]) -> str:
         n, b, mine = row["n"], row["B"], ours(row)
         cells = [f"{n}, {b}", f"{mine:.2f}", f"{7 / 3 * n * b**3 / mine * 1e-6:.0f}"]
         cells.append(f"{row['factor_ms']['ours, quasi-definite']:.2f}")
-        two = row["factor_ms"]["ours, two threads"]
-        cells.append(f"{two:.2f} ({mine / two:.2f}×)")
+        cells.append("{:.2f} ({:.2f}×)".format(*two_threads(row)))
         for name in names:
             time_ms = peer(row, name)
             cells.append("—" if time_ms is None else f"{time_ms:.3g} ({time_ms / mine:.1f}×)")

@@ -203,9 +203,11 @@ struct Cholmod {
   cholmod_sparse matrix;
   cholmod_factor* factor = nullptr;
   int (*factorize)(cholmod_sparse*, cholmod_factor*, cholmod_common*);
+  int (*get_levels)();
+  void (*set_levels)(int);
 };
 
-// Its BLAS is the one in the global scope, MKL's if that was opened before, else its own.
+// Its BLAS is the one in the global scope when the library is first opened, else its own.
 // The lower triangle in compressed columns; ordering 0: as it is, 1: CHOLMOD's choice.
 void* cholmod_open_matrix(Chars path, int rows, int* column, int* row, double* value,
                           int own_ordering) {
@@ -223,7 +225,18 @@ void* cholmod_open_matrix(Chars path, int rows, int* column, int* row, double* v
       !find(c->factorize, "cholmod_factorize")) {
     return nullptr;
   }
+  // Debian's CHOLMOD asks OpenMP for four threads in the loops around the BLAS, whatever
+  // OMP_NUM_THREADS says: on fewer cores they wait for each other most of the time.
+  void* openmp = dlopen("libgomp.so.1", RTLD_NOW | RTLD_LOCAL);
+  if (!openmp) return nullptr;
+  library = openmp;
+  if (!find(c->get_levels, "omp_get_max_active_levels") ||
+      !find(c->set_levels, "omp_set_max_active_levels")) {
+    return nullptr;
+  }
   start(&c->common);
+  // Dense blocks are what supernodes are made for; left alone it goes without them below some size.
+  c->common.supernodal = CHOLMOD_SUPERNODAL;
   if (!own_ordering) {
     c->common.nmethods = 1;
     c->common.method[0].ordering = CHOLMOD_NATURAL;
@@ -243,9 +256,14 @@ void* cholmod_open_matrix(Chars path, int rows, int* column, int* row, double* v
   return c->factor ? c : nullptr;
 }
 
+// With one thread.
 int cholmod_refactor(Cholmod* c) {
-  return c->factorize(&c->matrix, c->factor, &c->common) && c->factor->minor == c->factor->n ? 0
-                                                                                             : 1;
+  const int levels = c->get_levels();
+  c->set_levels(0);
+  const bool good =
+      c->factorize(&c->matrix, c->factor, &c->common) && c->factor->minor == c->factor->n;
+  c->set_levels(levels);
+  return good ? 0 : 1;
 }
 
 #endif

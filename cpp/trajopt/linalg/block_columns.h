@@ -1,4 +1,4 @@
-// Block times several vectors: the columns of the right-hand side are the vector lanes.
+// Block times vectors. Of more than two, the columns of the right-hand side are the vector lanes.
 #pragma once
 
 #include "trajopt/linalg/block_vector.h"
@@ -26,7 +26,8 @@ inline void for_tiles(int size, int m, const Body& body) {
 
 template <class T>
 inline void substitute_transposed(int size, const T* packed, T* x, int m, long ldx, long ahead) {
-  if (m == 1 && ldx == 1) return substitute_transposed_one(size, packed, x, ahead);
+  if (m == 1 && ldx == 1) return substitute_transposed_few<1>(size, packed, x, ahead);
+  if (m == 2 && ldx == 2) return substitute_transposed_few<2>(size, packed, x, ahead);
   constexpr long L = kLine<T>;
   for_tiles<true, T>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     const T* corner = packed + PackedTriangle<T>::at(size, k0, k0);
@@ -41,7 +42,8 @@ inline void substitute_transposed(int size, const T* packed, T* x, int m, long l
 
 template <class T>
 inline void substitute(int size, const T* packed, T* x, int m, long ldx, long ahead) {
-  if (m == 1 && ldx == 1) return substitute_one(size, packed, x, ahead);
+  if (m == 1 && ldx == 1) return substitute_few<1>(size, packed, x, ahead);
+  if (m == 2 && ldx == 2) return substitute_few<2>(size, packed, x, ahead);
   constexpr int L = kLine<T>;
   for_tiles<false, T>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     Tile<T, MR, NV> tile;
@@ -59,8 +61,9 @@ inline void substitute(int size, const T* packed, T* x, int m, long ldx, long ah
 template <class T>
 inline void subtract_transposed(int rows, int columns, const T* v, long ld, const T* x, T* y, int m,
                                 long ldx, long ldy, long ahead) {
-  if (m == 1 && ldx == 1 && ldy == 1) {
-    return subtract_transposed_one(rows, columns, v, ld, x, y, ahead);
+  if (m <= 2 && ldx == m && ldy == m) {
+    return m == 1 ? subtract_transposed_few<1>(rows, columns, v, ld, x, y, ahead)
+                  : subtract_transposed_few<2>(rows, columns, v, ld, x, y, ahead);
   }
   for_tiles<false, T>(columns, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     Tile<T, MR, NV> tile;
@@ -74,7 +77,10 @@ inline void subtract_transposed(int rows, int columns, const T* v, long ld, cons
 template <class T>
 inline void subtract(int rows, int columns, const T* v, long ld, const T* x, T* y, int m, long ldx,
                      long ldy, long ahead) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_one(rows, columns, v, ld, x, y, ahead);
+  if (m <= 2 && ldx == m && ldy == m) {
+    return m == 1 ? subtract_few<1>(rows, columns, v, ld, x, y, ahead)
+                  : subtract_few<2>(rows, columns, v, ld, x, y, ahead);
+  }
   for_tiles<false, T>(rows, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     Tile<T, MR, NV> tile;
     tile.template read<true>(y + k0 * ldy + c, ldy, tail);
@@ -85,8 +91,11 @@ inline void subtract(int rows, int columns, const T* v, long ld, const T* x, T* 
 
 template <class T>
 inline void subtract_symmetric(int size, const T* a, long ld, const T* x, T* y, int m, long ldx,
-                               long ldy) {
-  if (m == 1 && ldx == 1 && ldy == 1) return subtract_symmetric_one(size, a, ld, x, y);
+                               long ldy, long ahead) {
+  if (m <= 2 && ldx == m && ldy == m) {
+    return m == 1 ? subtract_symmetric_few<1>(size, a, ld, x, y, ahead)
+                  : subtract_symmetric_few<2>(size, a, ld, x, y, ahead);
+  }
   for_tiles<false, T>(size, m, [&]<int MR, int NV>(int k0, int c, int tail) {
     T panel[MR * MR];  // the block on the diagonal, both triangles
     for (int j = 0; j < MR; ++j) {

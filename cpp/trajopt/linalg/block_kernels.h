@@ -90,7 +90,7 @@ struct BasicBlockKernels {
   void (*move)(BasicTraffic<T>& traffic, int rows);
 
   // x = W^-T x and x = W^-1 x for the size x m matrix x with leading dimension ldx and W packed.
-  // A single column asks for the memory `ahead` elements before or behind what it reads.
+  // One or two columns ask for the memory `ahead` elements before or behind what they read.
   void (*substitute_transposed)(int size, const T* packed, T* x, int m, long ldx, long ahead);
   void (*substitute)(int size, const T* packed, T* x, int m, long ldx, long ahead);
 
@@ -103,7 +103,7 @@ struct BasicBlockKernels {
 
   // y -= A x with the lower triangle of the symmetric A (k ascending).
   void (*subtract_symmetric)(int size, const T* a, long ld, const T* x, T* y, int m, long ldx,
-                             long ldy);
+                             long ldy, long ahead);
 };
 
 using Coupling = BasicCoupling<double>;

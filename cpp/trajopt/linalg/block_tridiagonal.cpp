@@ -6,6 +6,7 @@
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/linalg/block_kernels.h"
+#include "trajopt/linalg/refinement.h"
 
 namespace trajopt::linalg {
 
@@ -26,23 +27,48 @@ void SymmetricBlockTridiagonal::set_zero() {
   std::fill_n(lower_.data(), lower_.size(), 0.0);
 }
 
+// Rows of block i of y -= A x.
+void SymmetricBlockTridiagonal::subtract_block(int item, int i, const double* x, double* y, int m,
+                                               long ldx, long ldy) const {
+  const BlockKernels& kernels = block_kernels(active_isa());
+  // Asked for ahead: the same place in a later block, so that of triangles only triangles are read.
+  constexpr long kAhead = 16384 / sizeof(double);
+  const long square = static_cast<long>(size_) * size_;
+  const long ahead = (kAhead + square - 1) / square * square;
+  const int size = size_;
+  const double* xi = x + static_cast<long>(i) * size * ldx;
+  double* yi = y + static_cast<long>(i) * size * ldy;
+  if (i > 0) {
+    kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy,
+                     ahead + square);
+  }
+  kernels.subtract_symmetric(size, diagonal(i, item), size, xi, yi, m, ldx, ldy, ahead);
+  if (i + 1 < blocks_) {
+    kernels.subtract_transposed(size, size, lower(i, item), size, xi + size * ldx, yi, m, ldx, ldy,
+                                0);
+  }
+}
+
 void SymmetricBlockTridiagonal::subtract_product(int item, const double* x, double* y, int m,
                                                  long ldx, long ldy, int threads) const {
-  const BlockKernels& kernels = block_kernels(active_isa());
-  const int size = size_;
-  parallel_for(blocks_, threads, [&](long block, int) {
-    const int i = static_cast<int>(block);
-    const double* xi = x + i * size * ldx;
-    double* yi = y + i * size * ldy;
-    if (i > 0) {
-      kernels.subtract(size, size, lower(i - 1, item), size, xi - size * ldx, yi, m, ldx, ldy, 0);
+  parallel_for(blocks_, threads,
+               [&](long i, int) { subtract_block(item, static_cast<int>(i), x, y, m, ldx, ldy); });
+}
+
+double SymmetricBlockTridiagonal::residual(int item, const double* rhs, const double* x, double* r,
+                                           int columns, long ld, double* room, int threads) const {
+  parallel_for(blocks_, threads, [&](long i, int) {
+    double* ri = r + i * size_ * columns;
+    const double* bi = rhs + i * size_ * ld;
+    if (ld == columns) {
+      std::copy_n(bi, size_ * ld, ri);
+    } else {
+      for (int k = 0; k < size_; ++k) std::copy_n(bi + k * ld, columns, ri + k * columns);
     }
-    kernels.subtract_symmetric(size, diagonal(i, item), size, xi, yi, m, ldx, ldy);
-    if (i + 1 < blocks_) {
-      kernels.subtract_transposed(size, size, lower(i, item), size, xi + size * ldx, yi, m, ldx,
-                                  ldy, 0);
-    }
+    subtract_block(item, static_cast<int>(i), x, r, columns, ld, columns);
+    room[i] = largest_magnitude(ri, size_, columns, columns);
   });
+  return largest_magnitude(room, blocks_, 1, 1);
 }
 
 void SymmetricBlockTridiagonal::matmul(const double* x, double* y, int m, int threads) const {

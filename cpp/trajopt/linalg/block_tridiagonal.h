@@ -39,7 +39,13 @@ class SymmetricBlockTridiagonal {
   void subtract_product(int item, const double* x, double* y, int m, long ldx, long ldy,
                         int threads) const;
 
+  // r = rhs - A x for columns of one problem; returns the largest magnitude in r, NaN if there is
+  // one. rhs and x have leading dimension ld, r has none to spare; room: `blocks` numbers.
+  double residual(int item, const double* rhs, const double* x, double* r, int columns, long ld,
+                  double* room, int threads) const;
+
  private:
+  void subtract_block(int item, int i, const double* x, double* y, int m, long ldx, long ldy) const;
   std::size_t offset(int i, int item, int per_item) const {
     return (static_cast<std::size_t>(item) * per_item + i) * size_ * size_;
   }

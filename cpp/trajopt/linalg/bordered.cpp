@@ -98,7 +98,7 @@ Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, con
     k.subtract_product(0, z, r_z, 1, 1, 1, threads);
     kernels_->subtract(all, border_, e_.data(), columns_, y, r_z, 1, 1, 1, 0);
     kernels_->subtract_transposed(all, border_, e_.data(), columns_, z, r_y, 1, 1, 1, 0);
-    kernels_->subtract_symmetric(border_, f_.data(), border_, y, r_y, 1, 1, 1);
+    kernels_->subtract_symmetric(border_, f_.data(), border_, y, r_y, 1, 1, 1, 0);
     return std::max(largest_magnitude(r_z, rows(), 1, 1), largest_magnitude(r_y, border_, 1, 1)) /
            scale;
   };

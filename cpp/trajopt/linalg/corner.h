@@ -28,17 +28,32 @@ struct Corner {
   alignas(64) T u[kTileRows * kStride];
   alignas(64) T w[kTileRows * kStride];
   T pivot[kTileRows], inverse[kTileRows];
+  T sign[kTileRows];   // of the pivots
+  T shift[kTileRows];  // what regularization adds to them
+
+  // The signs and shifts of rows k0..k0+MR-1, all at once: row by row, conversions of single bytes
+  // would cost a small block a fifth of its time.
+  template <int MR>
+  TRAJOPT_ALWAYS_INLINE void prepare(const BasicElimination<T>& e, int k0) {
+    const T regularization = static_cast<T>(e.regularization);
+    if (e.signs) {
+      for (int r = 0; r < MR; ++r) sign[r] = static_cast<T>(static_cast<int>(e.signs[k0 + r]));
+    } else {
+      for (int r = 0; r < MR; ++r) sign[r] = T(1);
+    }
+    for (int r = 0; r < MR; ++r) shift[r] = sign[r] * regularization;
+  }
 
   // From the rows as they are after all updates from below. The pivots depend on each other in one
   // chain of division, product and subtraction; each one is computed ahead of its row's vector.
-  template <int MR>
-  TRAJOPT_ALWAYS_INLINE void factor(Tile<T, MR, vectors<T>(MR)>& tile, const signed char* signs,
-                                    T regularization) {
+  // Without regularization (Shifted = false) the sum is out of it.
+  template <int MR, bool Shifted>
+  TRAJOPT_ALWAYS_INLINE void factor(Tile<T, MR, vectors<T>(MR)>& tile) {
     constexpr int W = kWidth<T>, NV = vectors<T>(MR);
     T d = tile.a[MR - 1][(MR - 1) / W][(MR - 1) % W];
 #pragma GCC unroll 8
     for (int r = MR - 1; r >= 0; --r) {
-      d += (signs ? signs[r] : T(1)) * regularization;
+      if constexpr (Shifted) d += shift[r];
       const T over = T(1) / d;
       pivot[r] = d;
       inverse[r] = over;
@@ -70,13 +85,10 @@ struct Corner {
   int check(const BasicElimination<T>& e, int k0, int rows) const {
     bool good[kTileRows], all = true;
     for (int r = 0; r < rows; ++r) {
-      const int k = k0 + r;
-      const T sign = e.signs ? e.signs[k] : 1;
-      const T before =
-          static_cast<T>(e.original[k * (e.size + 1L)]) + sign * static_cast<T>(e.regularization);
-      good[r] = good_pivot(pivot[r], inverse[r], sign, before);
+      const T before = static_cast<T>(e.original[(k0 + r) * (e.size + 1L)]) + shift[r];
+      good[r] = good_pivot(pivot[r], inverse[r], sign[r], before);
       all &= good[r];
-      e.inverse[k] = inverse[r];
+      e.inverse[k0 + r] = inverse[r];
     }
     int r = rows - 1;
     for (; !all && r >= 0 && good[r]; --r) {

@@ -57,8 +57,12 @@ inline void factor_corner(const BasicElimination<T>& e, int k0, Corner<T>& corne
   Tile<T, MR, vectors<T>(MR)> tile;
   read_block(e, k0, k0, tile);
   tile.template subtract<false>(done, {e.w + last, -e.ld, 1}, e.u + last, -e.ld, 0);
-  corner.template factor<MR>(tile, e.signs ? e.signs + k0 : nullptr,
-                             static_cast<T>(e.regularization));
+  corner.template prepare<MR>(e, k0);
+  if (e.regularization != 0.0) {
+    corner.template factor<MR, true>(tile);
+  } else {
+    corner.template factor<MR, false>(tile);
+  }
 }
 
 // The columns of the block itself to the left of the corner, and the corner's rows.

@@ -43,6 +43,7 @@ Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks
   }
   residual_ = BlockBuffer(size_product({blocks, size, kColumnsAtOnce}));
   saved_ = BlockBuffer(size_product({blocks, size, kColumnsAtOnce}));
+  magnitudes_ = BlockBuffer(blocks);
 }
 
 // Only one where waking a second costs more than it saves.

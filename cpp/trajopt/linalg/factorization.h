@@ -70,6 +70,7 @@ class Factorization {
   std::unique_ptr<Factors<double>> double_;  // one of the two
   std::unique_ptr<Factors<float>> single_;
   BlockBuffer residual_, saved_;     // of refine(), for kColumnsAtOnce columns
+  BlockBuffer magnitudes_;           // one per block
   BasicBlockBuffer<float> columns_;  // of solve() with float32 factors, for each problem
   bool factored_ = false;
 };

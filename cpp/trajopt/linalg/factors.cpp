@@ -155,7 +155,13 @@ PivotFailure Factors<T>::run(const SymmetricBlockTridiagonal& a, int item, const
     }
     if (fetched_) {
       e.traffic = &traffic;
-      if (s + 1 < run.end) fetch(a, item, schedule_.steps[s + 1], traffic);
+      if (s + 1 < run.end) {
+        const Step& next = schedule_.steps[s + 1];
+        fetch(a, item, next, traffic);
+        for (int r = 0; signs && r < size_; r += 64) {
+          __builtin_prefetch(signs + static_cast<long>(next.block) * size_ + r);
+        }
+      }
     }
     const Pivot pivot = kernels_->eliminate(e);
     if (pivot.row >= 0) return {i, pivot};
@@ -206,7 +212,9 @@ template <class T>
 void Factors<T>::fetch(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                        BasicTraffic<T>& traffic) const {
   traffic.fetch_rows = size_;
-  if (!large_) {
+  // Of larger blocks, what is being worked on and what comes next fill the second level cache.
+  constexpr int kMostClaimed = 128;
+  if (!large_ && size_ <= kMostClaimed) {
     traffic.claim = inverse(item, step.block);
     traffic.claim_length = w(item, step.block) + PackedTriangle<T>::length(size_) - traffic.claim;
   }

@@ -58,6 +58,10 @@ TRAJOPT_ALWAYS_INLINE __m256d broadcast_lane(__m256d v, int lane) {
   const __m256i index = _mm256_setr_epi32(low, low + 1, low, low + 1, low, low + 1, low, low + 1);
   return _mm256_castps_pd(_mm256_permutevar8x32_ps(_mm256_castpd_ps(v), index));
 }
+// a in the first `count` lanes, b in the others.
+TRAJOPT_ALWAYS_INLINE __m256d select_first(int count, __m256d a, __m256d b) {
+  return _mm256_blendv_pd(b, a, _mm256_castsi256_pd(first_of_4(count)));
+}
 
 TRAJOPT_ALWAYS_INLINE __m256 broadcast(float s) { return _mm256_set1_ps(s); }
 TRAJOPT_ALWAYS_INLINE __m256 load(const float* p) { return _mm256_loadu_ps(p); }
@@ -81,6 +85,31 @@ TRAJOPT_ALWAYS_INLINE __m256 fnma_from(int count, __m256 a, __m256 b, __m256 c) 
 }
 TRAJOPT_ALWAYS_INLINE __m256 broadcast_lane(__m256 v, int lane) {
   return _mm256_permutevar8x32_ps(v, _mm256_set1_epi32(lane));
+}
+TRAJOPT_ALWAYS_INLINE __m256 select_first(int count, __m256 a, __m256 b) {
+  return _mm256_blendv_ps(b, a, _mm256_castsi256_ps(first_of_8(count)));
+}
+
+// Pairs x0 y0 x1 y1 ... become all x and all y, and the other way round.
+TRAJOPT_ALWAYS_INLINE void separate(__m256d& a, __m256d& b) {
+  const __m256d x = _mm256_unpacklo_pd(a, b), y = _mm256_unpackhi_pd(a, b);
+  a = _mm256_permute4x64_pd(x, 0xd8);
+  b = _mm256_permute4x64_pd(y, 0xd8);
+}
+TRAJOPT_ALWAYS_INLINE void interleave(__m256d& a, __m256d& b) {
+  const __m256d low = _mm256_unpacklo_pd(a, b), high = _mm256_unpackhi_pd(a, b);
+  a = _mm256_permute2f128_pd(low, high, 0x20);
+  b = _mm256_permute2f128_pd(low, high, 0x31);
+}
+TRAJOPT_ALWAYS_INLINE void separate(__m256& a, __m256& b) {
+  const __m256 x = _mm256_shuffle_ps(a, b, 0x88), y = _mm256_shuffle_ps(a, b, 0xdd);
+  a = _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(x), 0xd8));
+  b = _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(y), 0xd8));
+}
+TRAJOPT_ALWAYS_INLINE void interleave(__m256& a, __m256& b) {
+  const __m256 low = _mm256_unpacklo_ps(a, b), high = _mm256_unpackhi_ps(a, b);
+  a = _mm256_permute2f128_ps(low, high, 0x20);
+  b = _mm256_permute2f128_ps(low, high, 0x31);
 }
 
 TRAJOPT_ALWAYS_INLINE void transpose(__m256d (&r)[4]) {

@@ -67,6 +67,11 @@ TRAJOPT_ALWAYS_INLINE __m512d broadcast_lane(__m512d v, int lane) {
   return _mm512_maskz_permutexvar_pd(0xff, _mm512_load_si512(kLaneIndex.of_8[lane]), v);
 }
 
+// a in the first `count` lanes, b in the others.
+TRAJOPT_ALWAYS_INLINE __m512d select_first(int count, __m512d a, __m512d b) {
+  return _mm512_mask_blend_pd(first_of_8(count), b, a);
+}
+
 TRAJOPT_ALWAYS_INLINE __m512 broadcast(float s) { return _mm512_set1_ps(s); }
 TRAJOPT_ALWAYS_INLINE __m512 load(const float* p) { return _mm512_loadu_ps(p); }
 TRAJOPT_ALWAYS_INLINE void store(float* p, __m512 v) { _mm512_storeu_ps(p, v); }
@@ -89,6 +94,40 @@ TRAJOPT_ALWAYS_INLINE __m512 fnma_from(int count, __m512 a, __m512 b, __m512 c) 
 }
 TRAJOPT_ALWAYS_INLINE __m512 broadcast_lane(__m512 v, int lane) {
   return _mm512_maskz_permutexvar_ps(0xffff, _mm512_load_si512(kLaneIndex.of_16[lane]), v);
+}
+TRAJOPT_ALWAYS_INLINE __m512 select_first(int count, __m512 a, __m512 b) {
+  return _mm512_mask_blend_ps(first_of_16(count), b, a);
+}
+
+// Pairs x0 y0 x1 y1 ... become all x and all y, and the other way round.
+TRAJOPT_ALWAYS_INLINE void separate(__m512d& a, __m512d& b) {
+  const __m512i even = _mm512_setr_epi64(0, 2, 4, 6, 8, 10, 12, 14);
+  const __m512i odd = _mm512_setr_epi64(1, 3, 5, 7, 9, 11, 13, 15);
+  const __m512d x = _mm512_permutex2var_pd(a, even, b);
+  b = _mm512_permutex2var_pd(a, odd, b);
+  a = x;
+}
+TRAJOPT_ALWAYS_INLINE void interleave(__m512d& a, __m512d& b) {
+  const __m512i low = _mm512_setr_epi64(0, 8, 1, 9, 2, 10, 3, 11);
+  const __m512i high = _mm512_setr_epi64(4, 12, 5, 13, 6, 14, 7, 15);
+  const __m512d x = _mm512_permutex2var_pd(a, low, b);
+  b = _mm512_permutex2var_pd(a, high, b);
+  a = x;
+}
+TRAJOPT_ALWAYS_INLINE void separate(__m512& a, __m512& b) {
+  const __m512i even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+  const __m512i odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+  const __m512 x = _mm512_permutex2var_ps(a, even, b);
+  b = _mm512_permutex2var_ps(a, odd, b);
+  a = x;
+}
+TRAJOPT_ALWAYS_INLINE void interleave(__m512& a, __m512& b) {
+  const __m512i low = _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+  const __m512i high =
+      _mm512_setr_epi32(8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+  const __m512 x = _mm512_permutex2var_ps(a, low, b);
+  b = _mm512_permutex2var_ps(a, high, b);
+  a = x;
 }
 
 TRAJOPT_ALWAYS_INLINE __m512d even_quarters(__m512d a, __m512d b) {

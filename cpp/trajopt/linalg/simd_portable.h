@@ -40,11 +40,11 @@ TRAJOPT_ALWAYS_INLINE void stream(T* p, Vec<T> v) {
 }
 template <class T>
 TRAJOPT_ALWAYS_INLINE Vec<T> load(const T* p, int count) {
-  return {{p[0], count > 1 ? p[1] : T(0)}};
+  return {{count > 0 ? p[0] : T(0), count > 1 ? p[1] : T(0)}};
 }
 template <class T>
 TRAJOPT_ALWAYS_INLINE void store(T* p, Vec<T> v, int count) {
-  p[0] = v.v[0];
+  if (count > 0) p[0] = v.v[0];
   if (count > 1) p[1] = v.v[1];
 }
 template <class T>
@@ -70,6 +70,23 @@ TRAJOPT_ALWAYS_INLINE Vec<T> fnma_from(int count, Vec<T> a, Vec<T> b, Vec<T> c) 
 template <class T>
 TRAJOPT_ALWAYS_INLINE Vec<T> broadcast_lane(Vec<T> v, int lane) {
   return {{v.v[lane], v.v[lane]}};
+}
+// a in the first `count` lanes, b in the others.
+template <class T>
+TRAJOPT_ALWAYS_INLINE Vec<T> select_first(int count, Vec<T> a, Vec<T> b) {
+  return {{count > 0 ? a.v[0] : b.v[0], count > 1 ? a.v[1] : b.v[1]}};
+}
+
+// Pairs x0 y0 x1 y1 become both x and both y, and the other way round.
+template <class T>
+TRAJOPT_ALWAYS_INLINE void separate(Vec<T>& a, Vec<T>& b) {
+  const T s = a.v[1];
+  a.v[1] = b.v[0];
+  b.v[0] = s;
+}
+template <class T>
+TRAJOPT_ALWAYS_INLINE void interleave(Vec<T>& a, Vec<T>& b) {
+  separate(a, b);
 }
 
 template <class T>

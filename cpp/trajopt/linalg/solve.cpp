@@ -1,6 +1,8 @@
 // Solution with the factors, and iterative refinement.
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
@@ -9,15 +11,24 @@
 namespace trajopt::linalg {
 
 double largest_magnitude(const double* x, long rows, int columns, long ld) {
-  double most = 0.0;
-  for (long i = 0; i < rows; ++i) {
-    for (int j = 0; j < columns; ++j) {
-      const double value = std::abs(x[i * ld + j]);
-      if (std::isnan(value)) return value;
-      most = std::max(most, value);
+  // As integers, magnitudes are ordered like the numbers, and a NaN is above them all.
+  constexpr int kChains = 4;
+  std::uint64_t most[kChains] = {};
+  const auto fold = [](std::uint64_t& a, double value) {
+    const std::uint64_t b = std::bit_cast<std::uint64_t>(value) << 1;
+    a = a < b ? b : a;
+  };
+  const bool dense = ld == columns;
+  const long lines = dense ? 1 : rows, count = dense ? rows * columns : columns;
+  for (long i = 0; i < lines; ++i) {
+    const double* line = x + i * ld;
+    long j = 0;
+    for (; j + kChains <= count; j += kChains) {
+      for (int k = 0; k < kChains; ++k) fold(most[k], line[j + k]);
     }
+    for (; j < count; ++j) fold(most[0], line[j]);
   }
-  return most;
+  return std::bit_cast<double>(*std::max_element(most, most + kChains) >> 1);
 }
 
 // A few columns at a time are rounded, solved for and written back. Powers of two bring each column
@@ -68,23 +79,27 @@ void Factorization::solve(double* rhs, int m, int threads) const {
 Refinement Factorization::refine_item(const SymmetricBlockTridiagonal& a, int item,
                                       const double* rhs, double* x, int m, int max_steps,
                                       double tolerance, int threads) {
-  const long rows = a.rows();
   double* r = residual_.data();
   double* saved = saved_.data();
+  double* room = magnitudes_.data();
   Refinement worst;
   for (int c = 0; c < m; c += kColumnsAtOnce) {
     const int columns = std::min(kColumnsAtOnce, m - c);
-    const double size = largest_magnitude(rhs + c, rows, columns, m);
-    const double scale = size > 0.0 ? size : 1.0;
+    // body(in r, in x) for every element, shared among the threads by blocks
     const auto each = [&](const auto& body) {
-      for (long i = 0; i < rows; ++i) {
-        for (int j = 0; j < columns; ++j) body(i * columns + j, i * m + c + j);
-      }
+      parallel_for(blocks_, threads, [&](long block, int) {
+        for (long i = block * size_; i < (block + 1) * size_; ++i) {
+          for (int j = 0; j < columns; ++j) body(i * columns + j, i * m + c + j);
+        }
+      });
     };
+    parallel_for(blocks_, threads, [&](long i, int) {
+      room[i] = largest_magnitude(rhs + i * size_ * m + c, size_, columns, m);
+    });
+    const double size = largest_magnitude(room, blocks_, 1, 1);
+    const double scale = size > 0.0 ? size : 1.0;
     const auto evaluate = [&] {
-      each([&](long local, long global) { r[local] = rhs[global]; });
-      a.subtract_product(item, x + c, r, columns, m, columns, threads);
-      return largest_magnitude(r, rows, columns, columns) / scale;
+      return a.residual(item, rhs + c, x + c, r, columns, m, room, threads) / scale;
     };
     const auto correct = [&] {
       solve_item(item, r, columns, threads);

@@ -137,11 +137,14 @@ void KktSystem::assemble_ring(const Linearization& lin, double damping, bool ide
 
 void KktSystem::shift_multipliers(double by) {
   const int width = primal_ + dual_;
-  for (int node = 0; node < nodes_; ++node) {
-    const int g = node / 2, first = node % 2 * width;
-    double* block = ring_ && g + 1 == blocks_ ? corner_.data() : matrix_.diagonal(g);
-    for (int k = first; k < first + dual_; ++k) block[static_cast<long>(k) * size_ + k] += by;
-  }
+  parallel_for(blocks_, threads_, [&](long g, int) {
+    double* block =
+        ring_ && g + 1 == blocks_ ? corner_.data() : matrix_.diagonal(static_cast<int>(g));
+    for (int half = 0; half < 2 && 2 * g + half < nodes_; ++half) {
+      const int first = half * width;
+      for (int k = first; k < first + dual_; ++k) block[static_cast<long>(k) * size_ + k] += by;
+    }
+  });
 }
 
 void KktSystem::factor(double epsilon) {
@@ -167,7 +170,13 @@ void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
     solve_ring(rhs, m, refinements);
     return;
   }
-  if (refinements > 0) rhs_copy_ = rhs;
+  if (refinements > 0) {
+    rhs_copy_.resize(rhs.size());
+    const long block = static_cast<long>(size_) * m;
+    parallel_for(blocks_, threads_, [&](long i, int) {
+      std::copy_n(rhs.data() + i * block, block, rhs_copy_.data() + i * block);
+    });
+  }
   factorization_->solve(rhs.data(), m, threads_);
   if (refinements == 0) return;
   factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,

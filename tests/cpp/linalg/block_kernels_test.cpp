@@ -181,7 +181,7 @@ void BlockKernelsTest::vectors() const {
     expect_same_bits(actual, expected, "subtract_transposed");
 
     actual = expected = start;
-    kernels<T>().subtract_symmetric(n, w.data(), w.ld(), x.data(), actual.data(), m, m, m);
+    kernels<T>().subtract_symmetric(n, w.data(), w.ld(), x.data(), actual.data(), m, m, m, 0);
     reference::subtract_symmetric(n, matrix, x, expected, m);
     expect_same_bits(actual, expected, "subtract_symmetric");
 
@@ -201,7 +201,7 @@ template <class T>
 void BlockKernelsTest::rectangular_products() const {
   const int rows = size(), columns = size() / 2 + 1;
   const Padded<T> v(rows, columns, random<T>(rows, columns, 11));
-  for (int m : {1, 3}) {
+  for (int m : {1, 2, 3}) {
     Matrix<T> y = random<T>(rows, m, 12), x = random<T>(columns, m, 13), expected = y;
     kernels<T>().subtract(rows, columns, v.data(), v.ld(), x.data(), y.data(), m, m, m, 0);
     reference::subtract(rows, columns, v.matrix(), x, expected, m);

@@ -44,11 +44,11 @@ TEST(Schedule, CyclicHasLogarithmicDepth) {
   EXPECT_EQ(make_schedule(64, Ordering::cyclic, 1).max_runs(), 32);
 }
 
-TEST(Schedule, TwoSweepsMeetInTheMiddleWithoutFill) {
+TEST(Schedule, TwoSweepsMeetWithoutFill) {
   const Schedule schedule = make_schedule(101, Ordering::chunked, 2);
   ASSERT_EQ(schedule.stages.size(), 2u);
   EXPECT_EQ(schedule.runs.size(), 3u);
-  EXPECT_EQ(schedule.steps.back().block, 50);
+  EXPECT_EQ(schedule.steps.back().block, 48);  // the upward sweep costs 1.1 of the other a block
   for (const Step& step : schedule.steps) EXPECT_TRUE(step.left < 0 || step.right < 0);
 }
 
