@@ -1,6 +1,8 @@
 // Batches of problems of one shape, and the comparison of each with its solve alone.
 #pragma once
 
+#include <functional>
+
 #include "solver/flight.h"
 #include "solver/same_records.h"
 #include "trajopt/solver/batch.h"
@@ -27,6 +29,7 @@ struct Batch {
   std::vector<Case> cases;
   std::vector<Recorder> recorders;
   std::vector<FunnelOptions> options;
+  std::vector<State> starts;  // when items() was called
 
   explicit Batch(int count) : recorders(count) {
     for (int k = 0; k < count; ++k) {
@@ -36,6 +39,7 @@ struct Batch {
   }
   std::vector<BatchItem> items() {
     std::vector<BatchItem> all;
+    for (const Case& c : cases) starts.push_back(c.state);
     for (std::size_t k = 0; k < cases.size(); ++k) {
       all.push_back({{cases[k].problem.get(), &cases[k].state},
                      options[k],
@@ -46,12 +50,14 @@ struct Batch {
 };
 
 // Every problem of the batch by itself, on the processor.
-inline void expect_as_alone(const Batch& batch, const std::vector<BatchEnd>& ends) {
+inline void expect_as_alone(const Batch& batch, const std::vector<BatchEnd>& ends,
+                            const std::function<Case(int)>& make = make_member) {
   ASSERT_EQ(ends.size(), batch.cases.size());
   for (std::size_t k = 0; k < ends.size(); ++k) {
     SCOPED_TRACE("problem " + std::to_string(k));
     ASSERT_FALSE(ends[k].error);
-    Case alone = make_member(static_cast<int>(k));
+    Case alone = make(static_cast<int>(k));
+    alone.state = batch.starts[k];
     Recorder recorder;
     recorder.stop_after = batch.recorders[k].stop_after;
     const Result expected =
