@@ -18,7 +18,13 @@ class Motion:
     def __init__(self, frames: int, threads: int, seed: int = 0) -> None:
         self.frames = frames
         scenario = trajopt.load_scenario("mammal-walk")
-        problem, _ = scenario.override([f"grid.duration={frames * STEP}"]).build()
+        duration = frames * STEP
+        start = min(1.0, 0.5 * duration)  # of what counts of the velocity
+        changes = [
+            f"grid.duration={duration}",
+            f"objective.center_of_mass_velocity.start={start}",
+        ]
+        problem, _ = scenario.override(changes).build()
         transcription = Transcription(problem, threads)
         stage = Stage(stiffness=1 / 50, friction=0.2)
         initial = transcription.initial_frames(stage)
