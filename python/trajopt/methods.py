@@ -69,15 +69,18 @@ CoreResult = tuple[str, str, int, Any]
 """Status, message, iterations and state that a pass of the core's solver ends with."""
 
 
-def run_core(request: Pass, settings: Settings, stop: Any = None) -> CoreResult:
-    """Run one pass of a core solver on the calling thread.
+def run_core(
+    request: Pass, settings: Settings, stop: Any = None, interrupt: InterruptFlag | None = None
+) -> CoreResult:
+    """Run one pass of a core solver.
 
-    With `stop`, a `_core.StopFlag`, a pass that nobody watches does not return to Python before its
-    end or the flag's.
+    With `stop`, a `_core.StopFlag`, the default solver returns to Python only to show an iteration
+    to a callback; on a device the motion then stays there until somebody asks for it.
     """
     core, state, options = request.core, request.state, settings.core_options
-    if stop is not None and not request.watched and settings.method == "default":
-        (answer,) = run_together([request], settings, stop, None)
+    quiet = not request.watched or settings.device == "cuda"
+    if stop is not None and quiet and settings.method == "default":
+        (answer,) = run_together([request], settings, stop, interrupt)
         if isinstance(answer, Exception):
             raise answer
         return answer
@@ -142,6 +145,8 @@ def run_together(
         if isinstance(answer, Exception):
             results.append(answer)
             continue
+        if isinstance(answer, BaseException):  # a callback that ends the program
+            raise answer
         status, message, count, final, records = answer
         request.note(records)
         results.append((str(status), str(message), int(count), final))

@@ -109,4 +109,5 @@ def solve(
     with InterruptFlag() as interrupt:
         cores = threads or _core.hardware_threads()
         run = passes(task, settings, callback, lambda: interrupt.raised, cores)
-        return drive(run, lambda request: run_core(request, settings))
+        stop = _core.StopFlag() if settings.device == "cuda" else None
+        return drive(run, lambda request: run_core(request, settings, stop, interrupt))

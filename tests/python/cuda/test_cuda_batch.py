@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
+
 import numpy as np
 import pytest
 
@@ -95,3 +99,20 @@ def test_a_callback_stops_its_problem():
         ("interrupted", 2),
         ("max_iterations", 6),
     ]
+
+
+def test_control_c_keeps_the_best_motions_of_all():
+    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    options = {"max_iterations": 10**6, "tolerance": 1e-14}
+    found = trajopt.solve_batch([make(0.1), make(0.2)], device="cuda", **options)
+    timer.join()
+    assert [str(s.status) for s in found] == ["interrupted"] * 2
+    assert all(s.iterations == len(s.history) > 0 for s in found)
+
+
+def test_a_snapshot_of_the_past_is_refused():
+    kept = []
+    trajopt.solve(make(0.1), device="cuda", max_iterations=2, callback=kept.append)
+    with pytest.raises(ValueError, match="during the callback only"):
+        kept[0].snapshot()
