@@ -107,10 +107,14 @@ if wanted sanitize; then
   if [[ -n $dry ]]; then
     skip "compute-sanitizer: no GPU in a dry run"
   elif command -v compute-sanitizer >/dev/null; then
-    for program in "$BUILD"/device/*_device; do
+    # The linear algebra's own checks, and the solver's batches where GoogleTest is there.
+    for program in "$BUILD"/device/*_device "$BUILD"/tests/cpp/cuda_device_batch_test; do
+      [[ -x $program ]] || { skip "compute-sanitizer on $(basename "$program"): not built"; continue; }
+      argument=check
+      [[ $program == *_test ]] && argument=--gtest_brief=1
       for tool in memcheck racecheck synccheck initcheck; do
         title "compute-sanitizer $tool, $(basename "$program")"
-        timeout 600 compute-sanitizer --tool $tool --error-exitcode 9 "$program" check \
+        timeout 600 compute-sanitizer --tool $tool --error-exitcode 9 "$program" $argument \
           >"$BUILD/sanitizer.log" 2>&1
         status=$?
         tail -3 "$BUILD/sanitizer.log"
