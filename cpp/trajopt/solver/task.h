@@ -61,8 +61,8 @@ class [[nodiscard]] Task {
     std::optional<T> value;
     std::exception_ptr error;
 
-    template <class Owner>
-    static void* operator new(std::size_t bytes, Owner& owner) {
+    template <class Owner, class... Arguments>
+    static void* operator new(std::size_t bytes, Owner& owner, const Arguments&...) {
       return owner.frames().take(bytes);
     }
     static void operator delete(void* frame) { CallFrames::give_back(frame); }
