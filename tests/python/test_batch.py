@@ -259,7 +259,7 @@ def test_the_second_control_c_raises():
         "import os, signal, threading, trajopt\n"
         "from trajopt.objectives import ControlEffort\n"
         "chain = trajopt.load_model('chain')\n"
-        "p = trajopt.Problem(chain, duration=60.0, dt=0.01).add(ControlEffort())\n"
+        "p = trajopt.Problem(chain, duration=5.0, dt=0.025).add(ControlEffort())\n"
         "def twice(index, record):\n"
         "    if index == 0 and record.iteration == 2:\n"
         "        for _ in range(2):\n"
@@ -275,7 +275,7 @@ def test_the_second_control_c_raises():
         env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
         check=False,
     )
     assert done.stdout == "raised\n", done.stderr
