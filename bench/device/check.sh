@@ -48,6 +48,8 @@ skip() {
 has_module() { "$PYTHON" -c "import $1" 2>/dev/null; }
 has_header() { echo "#include <$1>" | "${CXX:-c++}" -std=c++20 -E -x c++ - >/dev/null 2>&1; }
 
+[[ -z $dry ]] || skip "times that mean anything: those of a dry run are of an emulated device"
+
 title "machine"
 date -u +%Y-%m-%dT%H:%M:%SZ
 nvidia-smi --query-gpu=name,driver_version,memory.total,clocks.max.sm --format=csv,noheader || true
