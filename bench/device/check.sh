@@ -3,7 +3,11 @@
 # ninja and a Python with numpy and pybind11 have to be there; what else is there is used, and what is
 # left out is said.
 #
-#   bench/device/check.sh [build] [test] [sanitize] [bench] [peers]      default: all of them
+#   bench/device/check.sh [--dry] [build] [test] [sanitize] [bench] [peers]      default: all of them
+#
+# --dry goes through the same without a GPU, as far as that is possible: CUDA is compiled and linked, and
+# the tests and the Python programs run, small, on the emulated runtime (tests/cpp/cuda/emulation). Its
+# times mean nothing and go to the build tree.
 #
 #   OUT      where the results go (bench/results)
 #   BUILD    build tree (build/device)
@@ -16,10 +20,16 @@ BUILD=${BUILD:-build/device}
 PYTHON=${PYTHON:-python3}
 EACH=${SECONDS_EACH:-0.3}
 export PATH=$PATH:/usr/local/cuda/bin
+dry=
+if [[ ${1:-} == --dry ]]; then
+  dry=1
+  shift
+fi
 parts=${*:-build test sanitize bench peers}
 mkdir -p "$OUT" "$BUILD"
 OUT=$(cd "$OUT" && pwd) BUILD=$(cd "$BUILD" && pwd)
 ROWS=$BUILD/rows.jsonl
+[[ -z $dry ]] || OUT=$BUILD
 failed=() left_out=()
 
 wanted() { [[ " $parts " == *" $1 "* ]]; }
@@ -38,6 +48,8 @@ skip() {
 has_module() { "$PYTHON" -c "import $1" 2>/dev/null; }
 has_header() { echo "#include <$1>" | "${CXX:-c++}" -std=c++20 -E -x c++ - >/dev/null 2>&1; }
 
+[[ -z $dry ]] || skip "times that mean anything: those of a dry run are of an emulated device"
+
 title "machine"
 date -u +%Y-%m-%dT%H:%M:%SZ
 nvidia-smi --query-gpu=name,driver_version,memory.total,clocks.max.sm --format=csv,noheader || true
@@ -48,14 +60,19 @@ nvcc --version | tail -2
 build() {
   local tests=ON
   has_header gtest/gtest.h || tests=OFF
+  local architectures=native device_tests=ON core=python/bindings
+  if [[ -n $dry ]]; then
+    architectures=90 device_tests=OFF core=emulated
+  fi
   cmake -S . -B "$BUILD" -G Ninja -DCMAKE_BUILD_TYPE=Release -DTRAJOPT_CUDA=ON -DTRAJOPT_WERROR=ON \
-    -DCMAKE_CUDA_ARCHITECTURES="${CUDAARCHS:-native}" -DTRAJOPT_TESTS=$tests \
-    -DTRAJOPT_DEVICE_TESTS=ON -DTRAJOPT_DEVICE_BENCH=ON \
+    -DCMAKE_CUDA_ARCHITECTURES="${CUDAARCHS:-$architectures}" -DTRAJOPT_TESTS=$tests \
+    -DTRAJOPT_DEVICE_TESTS=$device_tests -DTRAJOPT_DEVICE_BENCH=ON \
     -DPython_EXECUTABLE="$(command -v "$PYTHON")" \
     -Dpybind11_DIR="$("$PYTHON" -m pybind11 --cmakedir)" &&
     cmake --build "$BUILD" &&
+    { [[ -z $dry ]] || cmake --build "$BUILD" --target emulated_core; } &&
     rm -rf "$BUILD/stage" && mkdir -p "$BUILD/stage" && cp -r python/trajopt "$BUILD/stage/" &&
-    cp "$BUILD"/python/bindings/_core*.so "$BUILD/stage/trajopt/"
+    cp "$BUILD/$core"/_core*.so "$BUILD/stage/trajopt/"
 }
 export PYTHONPATH=$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
 
@@ -66,7 +83,13 @@ fi
 
 if wanted test; then
   # Every *_device program compares bits with the processor when asked to `check`.
-  for program in "$BUILD"/device/*_device; do try "$(basename "$program") check" "$program" check; done
+  if [[ -n $dry ]]; then
+    skip "the checks of $(basename -a "$BUILD"/device/*_device | xargs): no GPU in a dry run"
+  else
+    for program in "$BUILD"/device/*_device; do
+      try "$(basename "$program") check" "$program" check
+    done
+  fi
   if [[ -f $BUILD/tests/cpp/CTestTestfile.cmake ]]; then
     try "ctest: GPU tests" ctest --test-dir "$BUILD" --output-on-failure --no-tests=error \
       -R '^(cuda|emulated_cuda)\.'
@@ -74,18 +97,26 @@ if wanted test; then
     skip "the C++ GPU tests: no GoogleTest here"
   fi
   if has_module pytest; then
-    try "pytest: GPU tests" "$PYTHON" -m pytest -m cuda -p no:cacheprovider tests/python/cuda
+    tests=tests/python/cuda
+    [[ -z $dry ]] || tests=$tests/test_cuda_batch.py  # what an emulated device does in a minute
+    try "pytest: GPU tests" "$PYTHON" -m pytest -m cuda -p no:cacheprovider $tests
   else
     skip "the Python GPU tests: no pytest here"
   fi
 fi
 
 if wanted sanitize; then
-  if command -v compute-sanitizer >/dev/null; then
-    for program in "$BUILD"/device/*_device; do
+  if [[ -n $dry ]]; then
+    skip "compute-sanitizer: no GPU in a dry run"
+  elif command -v compute-sanitizer >/dev/null; then
+    # The linear algebra's own checks, and the solver's batches where GoogleTest is there.
+    for program in "$BUILD"/device/*_device "$BUILD"/tests/cpp/cuda_device_batch_test; do
+      [[ -x $program ]] || { skip "compute-sanitizer on $(basename "$program"): not built"; continue; }
+      argument=check
+      [[ $program == *_test ]] && argument=--gtest_brief=1
       for tool in memcheck racecheck synccheck initcheck; do
         title "compute-sanitizer $tool, $(basename "$program")"
-        timeout 600 compute-sanitizer --tool $tool --error-exitcode 9 "$program" check \
+        timeout 600 compute-sanitizer --tool $tool --error-exitcode 9 "$program" $argument \
           >"$BUILD/sanitizer.log" 2>&1
         status=$?
         tail -3 "$BUILD/sanitizer.log"
@@ -112,19 +143,27 @@ measure() {
 }
 if wanted bench || wanted peers; then : >"$ROWS"; fi
 if wanted bench; then
+  small=
   for program in "$BUILD"/device/*_device; do
+    if [[ -n $dry ]]; then
+      small=--small
+      skip "$(basename "$program") bench: no GPU in a dry run"
+      continue
+    fi
     measure "$(basename "$program")" "$program" bench "$EACH"
   done
   for program in bench/device/*_device.py; do
     [[ -f $program ]] || continue
     if has_module mujoco; then  # reads the built-in characters
-      measure "$(basename "$program")" "$PYTHON" "$program" "$EACH"
+      measure "$(basename "$program")" "$PYTHON" "$program" "$EACH" $small
     else
       skip "$(basename "$program"): needs mujoco (a wheel)"
     fi
   done
 fi
-if wanted peers; then
+if wanted peers && [[ -n $dry ]]; then
+  skip "the peers: no GPU in a dry run"
+elif wanted peers; then
   if [[ -x $BUILD/device/peer_cusolver ]]; then
     measure "cuSOLVER and cuBLAS" "$BUILD/device/peer_cusolver" "$EACH"
   else

@@ -72,14 +72,74 @@ def print_linalg(rows: list[dict[str, Any]]) -> None:
         theirs = [
             best(next((peer for peer in same if peer["peer"] == name), {}), "gpu") for name in names
         ]
-        bits = [value for name, value in row.items() if name.startswith("same_bits")]
         print(
             f"{row['blocks']:6} {row['size']:4} {row['batch']:6}",
             cell(row.get("cpu_factor_1_ms")),
             cell(best(row, "cpu_factor")),
             cell(best(row, "gpu_factor")),
-            f"{'-' if not bits else 'equal' if all(bits) else 'DIFF':>5}",
+            f"{bits_of(row):>5}",
             *(cell(value) for value in theirs),
+            row.get("left_out", ""),
+        )
+
+
+PHASES = ("linearize", "steps", "trial", "correction")
+
+
+def bits_of(row: dict[str, Any]) -> str:
+    bits = [value for name, value in row.items() if name.startswith("same_bits")]
+    return "-" if not bits else "equal" if all(bits) else "DIFF"
+
+
+def print_solve(rows: list[dict[str, Any]]) -> None:
+    ours = [row for row in rows if row["program"] == "solve"]
+    if not ours:
+        return
+    print("\none motion: best milliseconds of an iteration, and of the questions it is made of")
+    titles = " ".join(f"{phase:>10}" for phase in PHASES)
+    print(f"{'frames':>7} {'device':>6} {'iteration':>9} {titles} {'bits':>5}")
+    for row in ours:
+        for name in ("cpu", "gpu"):
+            phases = row.get(f"{name}_phases", {})
+            print(
+                f"{row['frames']:7} {name:>6}",
+                cell(row.get(f"{name}_iteration_ms")),
+                *(f" {cell(phases.get(phase))}" for phase in PHASES),
+                f"{bits_of(row):>5}",
+                row.get("left_out", ""),
+            )
+
+
+def print_batch(rows: list[dict[str, Any]]) -> None:
+    ours = [row for row in rows if row["program"] == "batch"]
+    if not ours:
+        return
+    processors = sorted(
+        {
+            int(name.split("_")[1])
+            for row in ours
+            for name in row
+            if name.startswith("cpu_") and name.endswith("_batch_ms")
+        }
+    )
+    print("\nbatches: best milliseconds of a problem's iteration, all of the batch together")
+    titles = " ".join(f"{f'cpu {count}':>9}" for count in processors)
+    print(f"{'batch':>6} {titles} {'gpu':>9} {'gpu auto':>9} {'ratio':>7} {'bits':>5}")
+    for row in ours:
+        per = row["batch"] * row["iterations"]
+
+        def each(name: str, row: dict[str, Any] = row, per: int = per) -> float | None:
+            return None if name not in row else row[name] / per
+
+        cpu = each(f"cpu_{processors[-1]}_batch_ms") if processors else None
+        gpu = each("gpu_batch_ms")
+        print(
+            f"{row['batch']:6}",
+            *(cell(each(f"cpu_{count}_batch_ms")) for count in processors),
+            cell(gpu),
+            cell(each("gpu_auto_batch_ms")),
+            f"{'-':>7}" if cpu is None or gpu is None else f"{cpu / gpu:7.1f}",
+            f"{bits_of(row):>5}",
             row.get("left_out", ""),
         )
 
@@ -88,6 +148,8 @@ def main() -> int:
     source, target, left_out = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:]
     rows = [json.loads(line) for line in source.read_text().splitlines() if line.startswith("{")]
     print_linalg(rows)
+    print_solve(rows)
+    print_batch(rows)
     result = {"machine": machine(), "left_out": left_out, "rows": rows}
     target.write_text(json.dumps(result, indent=1) + "\n")
     print(f"\nwritten: {target}")

@@ -21,9 +21,11 @@ os.environ.setdefault("GOMP_SPINCOUNT", "1000")
 if TYPE_CHECKING:
     from trajopt import collocation, linalg, objectives
     from trajopt.audit import Audit
+    from trajopt.batch import solve_batch
     from trajopt.errors import (
         ArgumentError,
         ArgumentTypeError,
+        BatchError,
         DeviceError,
         FactorizationError,
         MissingDependencyError,
@@ -48,6 +50,7 @@ __all__ = [
     "ArgumentError",
     "ArgumentTypeError",
     "Audit",
+    "BatchError",
     "Contact",
     "DeviceError",
     "FactorizationError",
@@ -73,6 +76,7 @@ __all__ = [
     "load_scenario",
     "objectives",
     "solve",
+    "solve_batch",
 ]
 
 # Where each public name lives. Modules are imported when first asked for, so that `import trajopt`
@@ -94,6 +98,7 @@ _HOMES = {
     "load_model": "models",
     "load_scenario": "scenarios",
     "solve": "solver",
+    "solve_batch": "batch",
 }
 _MODULES = ("collocation", "linalg", "objectives")
 

@@ -8,9 +8,16 @@ Python programmer expects (``ValueError``, ``TypeError``, ``ImportError``), thos
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from trajopt.solution import Solution
+
 __all__ = [
     "ArgumentError",
     "ArgumentTypeError",
+    "BatchError",
     "DeviceError",
     "FactorizationError",
     "MissingDependencyError",
@@ -65,6 +72,38 @@ class FactorizationError(TrajoptError):
 
 class DeviceError(TrajoptError, RuntimeError):
     """The requested device is not there, out of memory, or not supported by this build."""
+
+
+class BatchError(TrajoptError):
+    """Some problems of a batch raised exceptions; the others were solved to their ends.
+
+    Parameters
+    ----------
+    solutions : list of Solution or None
+        What was found, by index; None where an exception was raised.
+    errors : dict of int to Exception
+        The exceptions, by index.
+
+    Examples
+    --------
+    >>> print(BatchError([None, None], {0: ValueError("too high"), 1: ValueError("too low")}))
+    2 of 2 problems failed: problems[0]: ValueError: too high (and 1 more)
+    """
+
+    def __init__(
+        self, solutions: Sequence[Solution | None], errors: Mapping[int, Exception]
+    ) -> None:
+        super().__init__(solutions, errors)
+        self.solutions = list(solutions)
+        self.errors = dict(errors)
+
+    def __str__(self) -> str:
+        index, error = min(self.errors.items())
+        more = f" (and {len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
+        return (
+            f"{len(self.errors)} of {len(self.solutions)} problems failed: "
+            f"problems[{index}]: {type(error).__name__}: {error}{more}"
+        )
 
 
 class MissingDependencyError(TrajoptError, ImportError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -9,9 +10,12 @@ from trajopt import _core
 from trajopt.transcription import Stage
 
 if TYPE_CHECKING:
+    from trajopt.interrupt import InterruptFlag
     from trajopt.problem import Problem
+    from trajopt.run import Pass
+    from trajopt.settings import Settings
 
-__all__ = ["METHODS", "Method", "paper_problem", "run_core"]
+__all__ = ["METHODS", "CoreResult", "Method", "paper_problem", "run_core", "run_together"]
 
 
 @dataclass(frozen=True)
@@ -61,35 +65,89 @@ def paper_problem(problem: Problem) -> Problem:
     return other
 
 
-def run_core(
-    method: str,
-    core: Any,
-    state: Any,
-    observer: Any,
-    max_iterations: int,
-    last: bool,
-    options: dict[str, Any],
-    device: str = "cpu",
-) -> tuple[str, str, int, Any]:
-    """Run a core solver for one stage; only the last one finishes to the constraint tolerance.
+CoreResult = tuple[str, str, int, Any]
+"""Status, message, iterations and state that a pass of the core's solver ends with."""
 
-    Returns
-    -------
-    status, message, iterations, state
+
+def run_core(
+    request: Pass, settings: Settings, stop: Any = None, interrupt: InterruptFlag | None = None
+) -> CoreResult:
+    """Run one pass of a core solver.
+
+    With `stop`, a `_core.StopFlag`, the default solver returns to Python only to show an iteration
+    to a callback; on a device the motion then stays there until somebody asks for it.
     """
-    if method == "paper":
+    core, state, options = request.core, request.state, settings.core_options
+    quiet = not request.watched or settings.device == "cuda"
+    if stop is not None and quiet and settings.method == "default":
+        (answer,) = run_together([request], settings, stop, interrupt)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def observe(values: dict[str, Any], now: Any) -> bool:
+        return request.observe(values, lambda: now)
+
+    if settings.method == "paper":
         result = _core.solve_paper(
-            core, state, observer, max_iterations=max_iterations, ordering=options["ordering"]
+            core,
+            state,
+            observe,
+            max_iterations=request.max_iterations,
+            ordering=options["ordering"],
         )
     else:
         result = _core.solve_funnel(
             core,
             state,
-            observer,
-            max_iterations=max_iterations,
-            restore=last,
-            device=device,
+            observe,
+            max_iterations=request.max_iterations,
+            restore=request.last,
+            device=settings.device,
             **options,
         )
     status, message, count, final = result
     return str(status), str(message), int(count), final
+
+
+def run_together(
+    requests: Sequence[Pass], settings: Settings, stop: Any, interrupt: InterruptFlag | None
+) -> list[CoreResult | Exception]:
+    """Run passes of the default solver at once; a problem's exception stands in its place.
+
+    Parameters
+    ----------
+    requests : sequence of Pass
+    settings : Settings
+    stop : _core.StopFlag
+        Once set, all passes end after the iteration at hand.
+    interrupt : InterruptFlag or None
+        Is looked at now and then, and sets `stop`; None on threads that get no signals.
+    """
+
+    def poll() -> None:
+        if interrupt is not None and interrupt.raised:
+            stop.set()
+
+    answers = _core.solve_funnels(
+        [request.core for request in requests],
+        [request.state for request in requests],
+        [request.observe if request.watched else None for request in requests],
+        stop,
+        None if interrupt is None else poll,
+        max_iterations=[request.max_iterations for request in requests],
+        restore=[request.last for request in requests],
+        device=settings.device,
+        **settings.core_options,
+    )
+    results: list[CoreResult | Exception] = []
+    for request, answer in zip(requests, answers, strict=True):
+        if isinstance(answer, Exception):
+            results.append(answer)
+            continue
+        if isinstance(answer, BaseException):  # a callback that ends the program
+            raise answer
+        status, message, count, final, records = answer
+        request.note(records)
+        results.append((str(status), str(message), int(count), final))
+    return results

@@ -119,6 +119,10 @@ class Model:
                 value.flags.writeable = False
                 object.__setattr__(self, field.name, value)
 
+    def __reduce__(self) -> tuple[type[Model], tuple[Any, ...]]:
+        # By the constructor, so that a copy from another process is as immutable as this one.
+        return Model, tuple(getattr(self, field.name) for field in fields(self))
+
     def __repr__(self) -> str:
         return (
             f"<Model '{self.name}': {self.nbodies} bodies, {self.ndof} dofs"

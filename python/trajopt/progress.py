@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     import os
 
     from rich.live import Live
+    from rich.progress import Progress
 
-__all__ = ["CheckpointWriter", "LinePrinter", "LivePrinter", "chain", "printer"]
+    from trajopt.solution import Solution
+
+__all__ = ["BatchProgress", "CheckpointWriter", "LinePrinter", "LivePrinter", "chain", "printer"]
 
 COLUMNS: tuple[tuple[str, int, Callable[[IterationRecord], str]], ...] = (
     ("it", 5, lambda r: str(r.iteration)),
@@ -183,6 +186,69 @@ class CheckpointWriter:
             solution.settings = {**solution.settings, **self._settings}
             solution.save(self.path)
             self._due = time.monotonic() + self._every
+
+
+class BatchProgress:
+    """How many problems of a batch have ended: a bar on a terminal, a line a tenth elsewhere.
+
+    Parameters
+    ----------
+    total : int
+        Problems of the batch.
+    active : bool
+        Whether to show anything.
+    stream : file, optional
+        Where to write; the standard error stream by default.
+
+    Examples
+    --------
+    >>> with BatchProgress(20, True, sys.stdout) as show:
+    ...     for _ in range(3):
+    ...         show.ended(None)
+    2 of 20 ended, 0 solved
+    """
+
+    def __init__(self, total: int, active: bool = True, stream: TextIO | None = None) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._total, self._active = total, active
+        self._ended = self._solved = 0
+        self._bar: Progress | None = None
+
+    def ended(self, solution: Solution | None) -> None:
+        """Count a problem; None: it raised an exception."""
+        before = self._ended
+        self._ended += 1
+        self._solved += solution is not None and solution.converged
+        if self._bar is not None:
+            self._bar.update(self._bar.task_ids[0], completed=self._ended, solved=self._solved)
+        elif self._active and 10 * self._ended // self._total > 10 * before // self._total:
+            text = f"{self._ended} of {self._total} ended, {self._solved} solved"
+            print(text, file=self._stream, flush=True)
+
+    def __enter__(self) -> BatchProgress:
+        if self._active and self._total > 0 and self._stream.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            self._bar = Progress(
+                TextColumn("{task.completed:.0f} of {task.total:.0f} ended"),
+                BarColumn(),
+                TextColumn("{task.fields[solved]} solved"),
+                TimeElapsedColumn(),
+                console=Console(file=self._stream, highlight=False),
+            )
+            self._bar.add_task("", total=self._total, solved=0)
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
 
 
 def printer(stream: TextIO | None = None, every: int = 10) -> LinePrinter:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 __all__ = ["interval_errors", "refine_steps", "refine_until"]
 
 FloatArray = NDArray[np.float64]
+
+Y = TypeVar("Y")
+S = TypeVar("S")
 
 POINTS = 4  # evaluations of the residual between two frames
 
@@ -64,19 +67,21 @@ def refine_steps(steps: FloatArray, errors: FloatArray, tolerance: float) -> Flo
 
 def refine_until(
     errors_of: Callable[[], FloatArray],
-    solve_on: Callable[[FloatArray], bool],
+    solve_on: Callable[[FloatArray], Generator[Y, S, bool]],
     steps: FloatArray,
     tolerance: float,
     passes: int,
-) -> int:
+) -> Generator[Y, S, int]:
     """Refine and solve until no interval's error exceeds the tolerance.
+
+    A generator, because solving is one: it yields what `solve_on` yields.
 
     Parameters
     ----------
     errors_of : callable
         Errors of the intervals of the motion at hand.
     solve_on : callable
-        Solves on a new grid, starting from that motion; False stops.
+        Solves on a new grid, starting from that motion; what returns False stops.
     steps : (N,) array
         Steps of the first grid [s].
     tolerance : float
@@ -93,6 +98,6 @@ def refine_until(
         if len(finer) == len(steps):
             return count
         steps = finer
-        if not solve_on(steps):
+        if not (yield from solve_on(steps)):
             return count + 1
     return passes

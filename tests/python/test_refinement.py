@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import trajopt
-from trajopt import solver
+from trajopt import run
 from trajopt.refinement import interval_errors, refine_steps, refine_until
 from trajopt.status import Status
 
@@ -51,15 +51,15 @@ def test_no_passes_change_nothing(hop):
 
 def test_the_earlier_motion_is_kept_when_a_pass_fails(hop, monkeypatch):
     problem, options, coarse = hop
-    real = solver._run_stages
+    real = run._stages
 
-    def spoiled(run, *rest):
-        found = real(run, *rest)
+    def spoiled(*arguments):
+        found = yield from real(*arguments)
         if found.frames > coarse.frames:
             found.status = Status.STALLED
         return found
 
-    monkeypatch.setattr(solver, "_run_stages", spoiled)
+    monkeypatch.setattr(run, "_stages", spoiled)
     kept = trajopt.solve(problem, refine=0.02, **options)
     assert kept.status == "solved"
     assert kept.x.tobytes() == coarse.x.tobytes()
@@ -92,13 +92,18 @@ def test_refinement_ends_when_the_tolerance_is_met():
 
     def solve_on(steps):
         grids.append(steps)
+        yield "a pass"
         return True
 
     def errors():
         steps = grids[-1] if grids else np.full(8, 0.1)
         return steps**2
 
-    assert refine_until(errors, solve_on, np.full(8, 0.1), 0.003, passes=5) == 1
+    refinement = refine_until(errors, solve_on, np.full(8, 0.1), 0.003, passes=5)
+    assert next(refinement) == "a pass"
+    with pytest.raises(StopIteration) as end:
+        next(refinement)
+    assert end.value.value == 1
     assert len(grids[0]) == 16
 
 

@@ -508,7 +508,7 @@ def test_a_loose_ball_beside_the_robot(mjcf):
     ],
 )
 def test_bad_options_before_any_work(options, message, monkeypatch):
-    monkeypatch.setattr("trajopt.solver.Transcription", None)
+    monkeypatch.setattr("trajopt.run.Transcription", None)
     with pytest.raises(trajopt.TrajoptError) as caught:
         trajopt.solve(make(frames_per_knot=5), **options)
     assert message in str(caught.value)

@@ -29,13 +29,13 @@ def refusal(problem, **options):
 
 def test_without_a_gpu_nothing_begins(monkeypatch):
     pretend(monkeypatch, "the moon is full")
-    monkeypatch.setattr("trajopt.solver.Transcription", None)
+    monkeypatch.setattr("trajopt.run.Transcription", None)
     assert refusal(make()) == "device 'cuda': the moon is full"
 
 
 def test_the_paper_runs_on_the_cpu(monkeypatch):
     pretend(monkeypatch, "")
-    monkeypatch.setattr("trajopt.solver.Transcription", None)
+    monkeypatch.setattr("trajopt.run.Transcription", None)
     assert refusal(make(), method="paper").startswith("solve: method 'paper' runs on the CPU only")
 
 

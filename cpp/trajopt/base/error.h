@@ -18,6 +18,11 @@ struct DeviceError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Its memory does not suffice: fewer problems at once may fit.
+struct DeviceMemoryError : DeviceError {
+  using DeviceError::DeviceError;
+};
+
 // A factorization met a pivot that is zero, not a number, or of the wrong sign.
 struct FactorizationError : std::runtime_error {
   FactorizationError(const std::string& what, long block_, int pivot_)

@@ -49,7 +49,7 @@ struct ResidualWork {
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void* memory) const {
-    const VectorJob job(number, s.blocks, v);
+    const VectorJob job(number, s.blocks, s, v);
     if (job.skipped) return;
     double* peaks = static_cast<double*>(memory);
     const VectorSpace space(peaks + kMaxRanks, s.size);
@@ -82,22 +82,26 @@ struct DecideWork {
   static constexpr int kMaxRanks = 256;
   enum class When { scale, start, step };
   When when;
-  long lanes;
+  GroupSystem s;
+  int chunks;  // of an item's columns
   int max_steps;
   double tolerance;
   double* norm;  // set back to zero
   GroupRefinement* states;
   int* active;
 
-  TRAJOPT_HD long jobs() const { return (lanes + kMaxRanks - 1) / kMaxRanks; }
+  TRAJOPT_HD long lanes() const { return static_cast<long>(s.batch) * chunks; }
+  TRAJOPT_HD long jobs() const { return (lanes() + kMaxRanks - 1) / kMaxRanks; }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
   std::size_t bytes() const { return 0; }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
     for_each(group, kMaxRanks, [&](int at) {
-      const long lane = job * kMaxRanks + at;
-      if (lane >= lanes) return;
+      const long place = job * kMaxRanks + at;
+      const int item = place < lanes() ? s.item_at(static_cast<int>(place / chunks)) : -1;
+      if (item < 0) return;
+      const long lane = static_cast<long>(item) * chunks + place % chunks;
       GroupRefinement& state = states[lane];
       const double measured = norm[lane];
       norm[lane] = 0.0;
@@ -148,7 +152,8 @@ struct CorrectWork {
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void*) const {
-    const VectorJob job(number, s.blocks, v);
+    const VectorJob job(number, s.blocks, s, v);
+    if (job.item < 0) return;
     const long lane = static_cast<long>(job.item) * column_chunks(v.m) + job.chunk;
     if (states ? !states[lane].undo : job.skipped) return;
     const long begin = (static_cast<long>(job.item) * s.blocks + job.entry) * s.size * v.m +

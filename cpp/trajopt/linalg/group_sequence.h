@@ -55,11 +55,11 @@ template <class Executor>
 void sequence_refine_start(const Executor& run, const GroupSystem& s, double* x, int m,
                            int max_steps, double tolerance, const RefineArrays& a) {
   using Decide = group::DecideWork;
-  const long lanes = static_cast<long>(s.batch) * column_chunks(m);
+  const int chunks = column_chunks(m);
   run(group::ResidualWork{s, {nullptr, m, nullptr}, a.rhs, a.r, a.norm});
-  run(Decide{Decide::When::scale, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(Decide{Decide::When::scale, s, chunks, max_steps, tolerance, a.norm, a.states, a.active});
   run(group::ResidualWork{s, {x, m, nullptr}, a.rhs, a.r, a.norm});
-  run(Decide{Decide::When::start, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(Decide{Decide::When::start, s, chunks, max_steps, tolerance, a.norm, a.states, a.active});
 }
 
 // One correction. At most max_steps of them change anything, so that many finish the refinement.
@@ -68,12 +68,12 @@ void sequence_refine_step(const Executor& run, const GroupPlan& plan, const Plan
                           const GroupSystem& s, double* x, int m, int max_steps, double tolerance,
                           const RefineArrays& a) {
   using Decide = group::DecideWork;
-  const long lanes = static_cast<long>(s.batch) * column_chunks(m);
+  const int chunks = column_chunks(m);
   const GroupVectors going_on{x, m, a.active};
   sequence_solve(run, plan, at, s, {a.r, m, a.active});
   run(group::CorrectWork{s, going_on, a.r, a.saved, nullptr});
   run(group::ResidualWork{s, going_on, a.rhs, a.r, a.norm});
-  run(Decide{Decide::When::step, lanes, max_steps, tolerance, a.norm, a.states, a.active});
+  run(Decide{Decide::When::step, s, chunks, max_steps, tolerance, a.norm, a.states, a.active});
   run(group::CorrectWork{s, {x, m, nullptr}, a.r, a.saved, a.states});
 }
 

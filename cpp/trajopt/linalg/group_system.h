@@ -34,9 +34,17 @@ struct GroupSystem {
   GroupFailure* failures = nullptr;  // (batch, runs), of the stage in which an item failed
   int* failed_stage = nullptr;       // (batch,): kNever or the first stage with a failure
   int* failed_item = nullptr;        // kNever or the first item with a failure
+  // Where given: how many items these launches are for, and which. `batch` then is the number of
+  // places in a launch, which may be larger.
+  const int* listed = nullptr;
 
   static constexpr int kNever = 0x7f7f7f7f;  // every byte the same: a device can set it as memory
 
+  // The item in a place of a launch; -1: none.
+  TRAJOPT_HD int item_at(int place) const {
+    if (listed == nullptr) return place;
+    return place < listed[0] ? listed[1 + place] : -1;
+  }
   TRAJOPT_HD long block_length() const { return ld * size; }
   TRAJOPT_HD const double* diagonal_of(int item, int block) const {
     return diagonal + (static_cast<long>(item) * blocks + block) * size * size;

@@ -41,7 +41,8 @@ struct EliminateWork {
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void* memory) const {
-    const int item = static_cast<int>(job / count);
+    const int item = s.item_at(static_cast<int>(job / count));
+    if (item < 0) return;
     const PlannedElimination& p = entries[job % count];
     if (given_up(s, item, stage) || s.failure(item, p.run).block >= 0) return;
     const int n = s.size;
@@ -103,7 +104,8 @@ struct UpdateWork {
     job /= tiles();
     const int row = static_cast<int>(job % tiles());
     job /= tiles();
-    const int item = static_cast<int>(job / count);
+    const int item = s.item_at(static_cast<int>(job / count));
+    if (item < 0) return;
     const PlannedUpdate& p = entries[job % count];
     if (given_up(s, item, stage) || (!p.fill && column > row)) return;
     Update u;
@@ -131,15 +133,16 @@ struct UpdateWork {
 struct VectorJob {
   int entry, item, chunk, columns;
   bool skipped;
-  TRAJOPT_HD VectorJob(long job, int count, const GroupVectors& v) {
+  TRAJOPT_HD VectorJob(long job, int count, const GroupSystem& s, const GroupVectors& v) {
     const int chunks = column_chunks(v.m);
     chunk = static_cast<int>(job % chunks);
     job /= chunks;
-    item = static_cast<int>(job / count);
+    item = s.item_at(static_cast<int>(job / count));
     entry = static_cast<int>(job % count);
     const int left = v.m - chunk * kGroupColumns;
     columns = left < kGroupColumns ? left : kGroupColumns;
-    skipped = v.active && !v.active[static_cast<long>(item) * chunks + chunk];
+    skipped = item < 0;
+    if (!skipped && v.active) skipped = !v.active[static_cast<long>(item) * chunks + chunk];
   }
   // The block's part of (batch, blocks * size, m).
   TRAJOPT_HD double* part(const GroupSystem& s, double* x, int block, int m) const {
@@ -213,7 +216,7 @@ struct ForwardWork {
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void* memory) const {
-    const VectorJob job(number, count, v);
+    const VectorJob job(number, count, s, v);
     if (job.skipped) return;
     const int block = entries[job.entry].block;
     const VectorSpace space(memory, s.size);
@@ -241,7 +244,7 @@ struct GatherWork {
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void*) const {
-    const VectorJob job(number, count, v);
+    const VectorJob job(number, count, s, v);
     if (job.skipped) return;
     const PlannedUpdate& p = entries[job.entry];
     double* y = job.part(s, v.x, p.target, v.m);
@@ -267,7 +270,7 @@ struct BackwardWork {
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void* memory) const {
-    const VectorJob job(number, count, v);
+    const VectorJob job(number, count, s, v);
     if (job.skipped) return;
     const PlannedElimination& p = entries[job.entry];
     const VectorSpace space(memory, s.size);

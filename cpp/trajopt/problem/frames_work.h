@@ -1,6 +1,6 @@
 // The launches of one iteration of the frames formulation, one type each (linalg/group_work.h says
-// what a launch is). They run the bodies that the processor's executor runs; here stands only who
-// does which frame, node or block row, and where its numbers lie.
+// what a launch is), for many problems at once. They run the bodies that the processor's executor
+// runs; here stands only who does which frame, node or block row, and where its numbers lie.
 #pragma once
 
 #include "trajopt/problem/frame_body.h"
@@ -15,6 +15,7 @@ struct Controls {
   double damping;
   double tangential, normal;  // the step d = tangential t + normal n
   double zeta;                // A d = -zeta C
+  int from, to;               // trials: one that is corrected, and the one at hand
 };
 
 // A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all.
@@ -24,7 +25,7 @@ struct FramesPoint {
   double* constraint;  // N x m
 };
 
-// Everything the launches work on: plain pointers into the executor's memory.
+// What the launches work on of one problem: plain pointers into the executor's memory.
 struct FramesSystem {
   long frame_count;
   FrameInput in;  // its frames are those of the current point
@@ -41,9 +42,6 @@ struct FramesSystem {
   double *rhs, *steps;                    // rows x 2
   double* correction;                     // rows
   double* items;                          // kStepItems x N
-  std::size_t scratch_bytes;              // of one frame
-  int lanes;                              // frames in work at once
-  unsigned char* scratch;                 // lanes x scratch_bytes
 
   TRAJOPT_HD long frames() const { return frame_count; }
   TRAJOPT_HD int primal() const { return in.model.ndof; }
@@ -52,6 +50,10 @@ struct FramesSystem {
   TRAJOPT_HD long blocks() const { return (frame_count + 1) / 2; }
   TRAJOPT_HD long rows() const { return blocks() * size(); }
   TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
+  // The trial at hand, or the current point.
+  TRAJOPT_HD const FramesPoint& point(bool tried) const {
+    return tried ? trial[controls->to] : current;
+  }
   TRAJOPT_HD StepRows step_rows() const {
     return {static_cast<int>(frame_count),
             primal(),
@@ -61,6 +63,24 @@ struct FramesSystem {
             node_gradient,
             current.constraint,
             steps};
+  }
+};
+
+// The problems of a launch. All have the same numbers of frames, coordinates, constraints and
+// terms.
+struct FramesBatch {
+  const FramesSystem* systems;  // by problem
+  const int* active;            // how many problems this launch is for, and which
+  long places;                  // as many find room in it
+  long frames;
+  std::size_t scratch_bytes;  // of one frame
+  long lanes;                 // frames in work at once
+  unsigned char* scratch;     // lanes x scratch_bytes
+
+  TRAJOPT_HD long blocks() const { return (frames + 1) / 2; }
+  // nullptr: this place is empty.
+  TRAJOPT_HD const FramesSystem* system(long place) const {
+    return place < active[0] ? systems + active[1 + place] : nullptr;
   }
 };
 
@@ -74,39 +94,44 @@ template <bool Derivatives>
 struct FramesWork {
   static constexpr const char* kName = Derivatives ? "linearize frames" : "evaluate frames";
   static constexpr int kMaxRanks = 32;
-  FramesSystem s;
-  FramesPoint at;
+  FramesBatch b;
+  bool tried;  // the trial, or the current point
 
-  TRAJOPT_HD long jobs() const { return (s.lanes + ranks() - 1) / ranks(); }
+  TRAJOPT_HD long jobs() const { return (b.lanes + ranks() - 1) / ranks(); }
   // Few frames are spread over the whole device.
   TRAJOPT_HD int ranks() const {
     constexpr int kMultiprocessors = 128;
     int n = 1;
-    while (n < kMaxRanks && n * kMultiprocessors < s.lanes) n *= 2;
+    while (n < kMaxRanks && n * kMultiprocessors < b.lanes) n *= 2;
     return n;
   }
   std::size_t bytes() const { return 0; }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
-    FrameInput in = s.in;
-    in.frames = at.frames;
-    const FrameOutput out{at.constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian};
-    const long d = s.primal(), n = s.frames();
+    const long count = b.active[0] * b.frames;
     for_each(group, ranks(), [&](int rank) {
       const long lane = job * ranks() + rank;
-      if (lane >= s.lanes) return;
-      void* memory = s.scratch + lane * s.scratch_bytes;
-      for (long f = lane; f < n; f += s.lanes) {
-        run_frames<double, Derivatives>(in, f, 1, memory, out);
-        const LocalFrame frame = local_frame(in, f);
-        for (int k = 0; k < s.nlocal; ++k) {
-          s.local_cost[k * n + f] = add_local_term<Derivatives>(
-              in.model, s.local[k], frame, Derivatives ? s.hessian + f * 6 * d * d : nullptr,
-              Derivatives ? s.gradient + f * 3 * d : nullptr);
-        }
-      }
+      if (lane >= b.lanes) return;
+      void* memory = b.scratch + lane * b.scratch_bytes;
+      for (long k = lane; k < count; k += b.lanes)
+        frame(*b.system(k / b.frames), k % b.frames, memory);
     });
+  }
+
+  TRAJOPT_HD void frame(const FramesSystem& s, long f, void* memory) const {
+    const FramesPoint& at = s.point(tried);
+    const long d = s.primal();
+    FrameInput in = s.in;
+    in.frames = at.frames;
+    run_frames<double, Derivatives>(
+        in, f, 1, memory, {at.constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian});
+    const LocalFrame local = local_frame(in, f);
+    for (int k = 0; k < s.nlocal; ++k) {
+      s.local_cost[k * b.frames + f] = add_local_term<Derivatives>(
+          in.model, s.local[k], local, Derivatives ? s.hessian + f * 6 * d * d : nullptr,
+          Derivatives ? s.gradient + f * 3 * d : nullptr);
+    }
   }
 };
 
@@ -116,15 +141,14 @@ struct PointItems {
   int nterm, nlocal, m;
   long frames;
 
-  TRAJOPT_HD PointItems(const FramesSystem& s, const FramesPoint& at)
+  TRAJOPT_HD PointItems(const FramesSystem& s, bool tried)
       : cost(s.cost),
         local_cost(s.local_cost),
-        constraint(at.constraint),
+        constraint(s.point(tried).constraint),
         nterm(s.in.nterm),
         nlocal(s.nlocal),
         m(s.dual()),
         frames(s.frames()) {}
-  TRAJOPT_HD int folds() const { return nterm + nlocal + 1; }
   TRAJOPT_HD double operator()(int fold, long f) const {
     if (fold < nterm) return cost[f * nterm + fold];
     if (fold < nterm + nlocal) return local_cost[(fold - nterm) * frames + f];
@@ -137,34 +161,100 @@ struct PointItems {
 struct StepItems {
   const double* items;
   long nodes;
-  TRAJOPT_HD int folds() const { return kStepItems; }
+  TRAJOPT_HD StepItems(const FramesSystem& s, bool) : items(s.items), nodes(s.frames()) {}
   TRAJOPT_HD double operator()(int fold, long i) const { return items[fold * nodes + i]; }
 };
 
-// A launch of body(i) for i in [0, count), a rank each: what happens per node.
+// Folds of several sequences of a problem's items, as two launches: all chunks, then what is left
+// of each sequence. Of the last sequence the largest value is wanted, of the others the sum.
+template <class Items>
+struct FoldChunksWork {
+  static constexpr const char* kName = "fold chunks";
+  static constexpr int kMaxRanks = kTreeWidth;
+  FramesBatch b;
+  bool tried;
+  int folds;
+  double* partial;  // places x folds x chunks
+
+  TRAJOPT_HD long jobs() const { return b.places * folds * tree_chunks(b.frames); }
+  TRAJOPT_HD int ranks() const { return kMaxRanks; }
+  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
+    double* slots = static_cast<double*>(space);
+    const long chunks = tree_chunks(b.frames), begin = job % chunks * kTreeWidth;
+    const int fold = static_cast<int>(job / chunks % folds);
+    const FramesSystem* s = b.system(job / chunks / folds);
+    if (s == nullptr) return;
+    const Items items(*s, tried);
+    const auto get = [&](long i) { return items(fold, i); };
+    if (fold + 1 < folds) {
+      fold_chunk<Sum>(group, begin, b.frames, get, slots);
+    } else {
+      fold_chunk<Largest>(group, begin, b.frames, get, slots);
+    }
+    for_each(group, 1, [&](int) { partial[job] = slots[0]; });
+  }
+};
+
+struct FoldRestWork {
+  static constexpr const char* kName = "fold rest";
+  static constexpr int kMaxRanks = kTreeWidth;
+  FramesBatch b;
+  int folds;
+  double* partial;  // places x folds x chunks; overwritten
+  double* result;   // places x folds
+
+  TRAJOPT_HD long jobs() const { return b.places * folds; }
+  TRAJOPT_HD int ranks() const { return kMaxRanks; }
+  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
+
+  template <class Group>
+  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
+    if (b.system(job / folds) == nullptr) return;
+    double* slots = static_cast<double*>(space);
+    const long chunks = tree_chunks(b.frames);
+    double* values = partial + job * chunks;
+    if (chunks > 1) {
+      if (job % folds + 1 < folds) {
+        fold_tree<Sum>(group, values, chunks, slots);
+      } else {
+        fold_tree<Largest>(group, values, chunks, slots);
+      }
+    }
+    for_each(group, 1, [&](int) { result[job] = values[0]; });
+  }
+};
+
+// A launch of body(system, i) for the nodes i of every problem, a rank each. A body that is
+// `padded` sees the node, too, that fills the last block of an odd count.
 template <class Body>
 struct NodesWork {
   static constexpr const char* kName = Body::kName;
   static constexpr int kMaxRanks = 64;
-  FramesSystem s;
-  Body body;
+  FramesBatch b;
 
-  TRAJOPT_HD long jobs() const { return (body.count(s) + kMaxRanks - 1) / kMaxRanks; }
+  TRAJOPT_HD long count() const { return Body::kPadded ? 2 * b.blocks() : b.frames; }
+  TRAJOPT_HD long chunks() const { return (count() + kMaxRanks - 1) / kMaxRanks; }
+  TRAJOPT_HD long jobs() const { return b.places * chunks(); }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
   std::size_t bytes() const { return 0; }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
+    const FramesSystem* s = b.system(job / chunks());
+    if (s == nullptr) return;
+    const long first = job % chunks() * kMaxRanks, n = count();
     for_each(group, kMaxRanks, [&](int rank) {
-      const long i = job * kMaxRanks + rank;
-      if (i < body.count(s)) body(s, i);
+      if (first + rank < n) Body()(*s, first + rank);
     });
   }
 };
 
 struct GatherGradient {
   static constexpr const char* kName = "gather gradient";
-  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     gather_gradient(s.gradient, s.frames(), s.primal(), false, i, s.node_gradient + i * s.primal());
   }
@@ -174,7 +264,7 @@ struct GatherGradient {
 // node that pads an odd count has zeros.
 struct WriteStepsRhs {
   static constexpr const char* kName = "right-hand sides";
-  TRAJOPT_HD long count(const FramesSystem& s) const { return 2 * s.blocks(); }
+  static constexpr bool kPadded = true;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int width = s.size();  // of a node, two columns
     if (i < s.frames()) {
@@ -188,7 +278,7 @@ struct WriteStepsRhs {
 
 struct MeasureSteps {
   static constexpr const char* kName = "measure steps";
-  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     measure_steps(s.step_rows(), i, s.items, s.frames());
   }
@@ -202,9 +292,9 @@ TRAJOPT_HD inline void retract_node(const FramesSystem& s, const FramesPoint& to
 
 struct ComposeStep {
   static constexpr const char* kName = "compose step";
-  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    const FramesPoint& to = s.trial[0];
+    const FramesPoint& to = s.point(true);
     compose_step(s.step_rows(), i, s.controls->tangential, s.controls->normal, to.step);
     retract_node(s, to, i);
   }
@@ -212,12 +302,11 @@ struct ComposeStep {
 
 struct WriteCorrectionRhs {
   static constexpr const char* kName = "correction's right-hand side";
-  int from;  // the trial to correct
-  TRAJOPT_HD long count(const FramesSystem& s) const { return 2 * s.blocks(); }
+  static constexpr bool kPadded = true;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     if (i < s.frames()) {
-      write_correction_rhs(s.step_rows(), i, s.controls->zeta, s.trial[from].constraint,
-                           s.correction);
+      const double* constraint = s.trial[s.controls->from].constraint;
+      write_correction_rhs(s.step_rows(), i, s.controls->zeta, constraint, s.correction);
     } else {
       for (int k = 0; k < s.size() / 2; ++k) s.correction[i * (s.size() / 2) + k] = 0.0;
     }
@@ -226,11 +315,10 @@ struct WriteCorrectionRhs {
 
 struct ApplyCorrection {
   static constexpr const char* kName = "apply correction";
-  int from;
-  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    const FramesPoint& to = s.trial[1 - from];
-    add_correction(s.step_rows(), i, s.correction, s.trial[from].step, to.step);
+    const FramesPoint& to = s.point(true);
+    add_correction(s.step_rows(), i, s.correction, s.trial[s.controls->from].step, to.step);
     retract_node(s, to, i);
   }
 };
@@ -238,12 +326,11 @@ struct ApplyCorrection {
 // The trial becomes the current point; its values there are found anew by the linearization.
 struct AcceptTrial {
   static constexpr const char* kName = "accept trial";
-  int from;
-  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int nq = s.in.model.nq;
-    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k)
-      s.current.frames[k] = s.trial[from].frames[k];
+    const double* from = s.point(true).frames;
+    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from[k];
   }
 };
 
@@ -252,14 +339,18 @@ struct AcceptTrial {
 struct AssembleWork {
   static constexpr const char* kName = "assemble";
   static constexpr int kMaxRanks = 128;
-  FramesSystem s;
+  FramesBatch b;
 
-  TRAJOPT_HD long jobs() const { return s.blocks(); }
+  TRAJOPT_HD long jobs() const { return b.places * b.blocks(); }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
   std::size_t bytes() const { return 0; }
 
   template <class Group>
-  TRAJOPT_HD void operator()(const Group& group, long g, void*) const {
+  TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
+    const FramesSystem* system = b.system(job / b.blocks());
+    if (system == nullptr) return;
+    const FramesSystem& s = *system;
+    const long g = job % b.blocks();
     const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.frames()), size = s.size();
     const KktRows rows{n,         d,          m,          s.smoothing, s.controls->damping,
                        s.hessian, s.jacobian, s.diagonal, s.lower};
@@ -277,7 +368,7 @@ struct AssembleWork {
 // Takes epsilon out again, for the refinement.
 struct RemoveEpsilon {
   static constexpr const char* kName = "remove epsilon";
-  TRAJOPT_HD long count(const FramesSystem& s) const { return s.frames(); }
+  static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const long size = s.size(), first = i % 2 * (size / 2);
     double* block = s.diagonal + i / 2 * size * size;

@@ -30,17 +30,54 @@ class CpuExecutor final : public SqpExecutor {
     }
   }
 
-  PointValues linearize() override {
+  Answer answer(const Request& r) override {
+    Answer a;
+    switch (r.kind) {
+      case Request::Kind::move:
+        std::swap(state_, trial().state);
+        [[fallthrough]];
+      case Request::Kind::linearize:
+        a.point = linearize();
+        break;
+      case Request::Kind::steps:
+        a.factored = factor(r.damping);
+        if (a.factored) a.steps = solve_steps();
+        break;
+      case Request::Kind::trial:
+        a.point = try_step(r.tangential, r.normal);
+        break;
+      case Request::Kind::correction:
+        a.point = try_correction(r.zeta);
+        break;
+      case Request::Kind::nothing:
+        break;
+    }
+    return a;
+  }
+
+  const std::vector<double>& terms() const override { return current_.terms; }
+  const State& state() override { return state_; }
+  const std::string& error() const override { return error_; }
+  void undo_correction() override { at_ = 1 - at_; }
+  PhaseSeconds take_seconds() override { return std::exchange(seconds_, {}); }
+
+ private:
+  struct Trial {
+    std::vector<double> step;  // nodes x primal
+    State state;
+    Evaluation point;
+  };
+
+  Trial& trial() { return trials_[at_]; }
+
+  PointValues linearize() {
     watch_.lap();
     problem_.linearize(state_, options_.augmentation, current_, lin_);
     seconds_.dynamics += watch_.lap();
     return values(current_);
   }
 
-  const std::vector<double>& terms() const override { return current_.terms; }
-  const State& state() override { return state_; }
-
-  bool factor(double damping) override {
+  bool factor(double damping) {
     watch_.lap();
     kkt_.assemble(lin_, damping);
     seconds_.assembly += watch_.lap();
@@ -55,9 +92,7 @@ class CpuExecutor final : public SqpExecutor {
     return good;
   }
 
-  const std::string& error() const override { return error_; }
-
-  StepValues solve_steps() override {
+  StepValues solve_steps() {
     watch_.lap();
     const StepRows rows = step_rows();
     const long n = kkt_.nodes();
@@ -75,7 +110,7 @@ class CpuExecutor final : public SqpExecutor {
     return v;
   }
 
-  PointValues try_step(double ct, double cn) override {
+  PointValues try_step(double ct, double cn) {
     watch_.lap();
     const StepRows rows = step_rows();
     double* step = trial().step.data();
@@ -83,7 +118,7 @@ class CpuExecutor final : public SqpExecutor {
     return evaluate();
   }
 
-  PointValues try_correction(double zeta) override {
+  PointValues try_correction(double zeta) {
     watch_.lap();
     const Trial& before = trial();
     at_ = 1 - at_;
@@ -101,21 +136,6 @@ class CpuExecutor final : public SqpExecutor {
     seconds_.solve += watch_.lap();
     return evaluate();
   }
-
-  void undo_correction() override { at_ = 1 - at_; }
-  void accept() override { std::swap(state_, trial().state); }
-
-  PhaseSeconds take_seconds() override { return std::exchange(seconds_, {}); }
-  std::string device() const override { return "cpu"; }
-
- private:
-  struct Trial {
-    std::vector<double> step;  // nodes x primal
-    State state;
-    Evaluation point;
-  };
-
-  Trial& trial() { return trials_[at_]; }
 
   StepRows step_rows() {
     return kkt_.step_rows(lin_.node_gradient.data(), current_.constraint.data(), solution_.data());

@@ -1,8 +1,8 @@
 // The vector work of an SQP iteration, behind the few numbers its decisions are made of.
 //
-// A solver holds one executor and never touches a vector: it asks for a factorization, for the two
-// steps of an iteration, for the values where a combination of them leads, and says whether to go
-// there. What memory the vectors live in, and on which device, is the executor's affair.
+// A solver never touches a vector: it asks for the two steps of an iteration, for the values where
+// a combination of them leads, and says whether to go there. What memory the vectors live in, on
+// which device, and how many problems are worked on together, is the executor's affair.
 #pragma once
 
 #include <memory>
@@ -45,38 +45,69 @@ struct ExecutorOptions {
   linalg::Ordering ordering;
 };
 
-class SqpExecutor {
- public:
-  virtual ~SqpExecutor() = default;
+// What a solver asks for next, of one problem.
+struct Request {
+  enum class Kind {
+    linearize,   // values and derivatives at the current point
+    steps,       // factor at `damping`, solve for both steps
+    trial,       // values at the current point moved by `tangential` t + `normal` n
+    correction,  // second-order correction of the trial's step, for A d = -zeta C: the new trial
+    move,        // the trial becomes the current point; linearize there
+    nothing      // the end
+  };
+  static constexpr int kKinds = static_cast<int>(Kind::nothing);
 
-  // Values and derivatives at the current point.
-  virtual PointValues linearize() = 0;
-  // Objective by term there, in the order of Objective::names().
+  Kind kind = Kind::nothing;
+  double damping = 0;
+  double tangential = 0, normal = 0;
+  double zeta = 0;
+};
+
+struct Answer {
+  bool factored = true;  // to `steps`: false when the inertia is wrong, and why in error()
+  StepValues steps{};    // to `steps`
+  PointValues point;     // to all others
+};
+
+// One problem in the hands of an executor: what is known of it without any work.
+class SqpPoint {
+ public:
+  virtual ~SqpPoint() = default;
+
+  // Objective by term at the current point, in the order of Objective::names().
   virtual const std::vector<double>& terms() const = 0;
   // The current point, in the vector the executor was made with.
   virtual const State& state() = 0;
-
-  // Assembles and factors the KKT matrix at the current linearization; false when its inertia is
-  // wrong, and why in error().
-  virtual bool factor(double damping) = 0;
+  // Of the last factorization that failed.
   virtual const std::string& error() const = 0;
-
-  // Solves for the tangential and the normal step.
-  virtual StepValues solve_steps() = 0;
-
-  // Values at the current point moved by d = ct t + cn n: the trial.
-  virtual PointValues try_step(double ct, double cn) = 0;
-  // Second-order correction of the trial's d, for A d = -zeta C, with the factorization at hand:
-  // the corrected point becomes the trial.
-  virtual PointValues try_correction(double zeta) = 0;
   // The trial before the last correction is the trial again.
   virtual void undo_correction() = 0;
-  // The trial becomes the current point. linearize() has to follow.
-  virtual void accept() = 0;
-
   // Time spent since the last call, by phase.
   virtual PhaseSeconds take_seconds() = 0;
-  virtual std::string device() const = 0;
+};
+
+// An executor of one problem.
+class SqpExecutor : public SqpPoint {
+ public:
+  virtual Answer answer(const Request& request) = 0;
+};
+
+struct BatchMember {
+  TrajectoryProblem* problem;
+  State* state;  // moved in place
+};
+
+// An executor of many problems of one shape (see same_shape() in batch.h), which answers requests
+// of one kind together.
+class BatchExecutor {
+ public:
+  virtual ~BatchExecutor() = default;
+
+  virtual int size() const = 0;
+  virtual SqpPoint& point(int problem) = 0;
+  // requests and answers by problem; all that `problems` names are of the given kind.
+  virtual void answer(Request::Kind kind, const std::vector<int>& problems,
+                      const std::vector<Request>& requests, std::vector<Answer>& answers) = 0;
 };
 
 // On the processor, with the threads of the problem. Moves `state` in place.

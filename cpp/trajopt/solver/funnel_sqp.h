@@ -34,10 +34,7 @@ inline ExecutorOptions executor_options(const FunnelOptions& o) {
   return {o.smoothing, o.augmentation, o.epsilon, o.ordering};
 }
 
-// Improves the executor's state, which always is the best iterate.
-Result solve_funnel(SqpExecutor& executor, const FunnelOptions& options, const Observer& observer);
-
-// The same on the processor, on `state` in place.
+// Improves `state` in place, on the processor; it always is the best iterate.
 Result solve_funnel(TrajectoryProblem& problem, const FunnelOptions& options, State& state,
                     const Observer& observer);
 

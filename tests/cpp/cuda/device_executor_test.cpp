@@ -7,6 +7,7 @@
 #include "solver/flight.h"
 #include "solver/same_records.h"
 #include "trajopt/cuda/solver/executor.h"
+#include "trajopt/solver/batch.h"
 #include "trajopt/solver/funnel_sqp.h"
 
 namespace trajopt {
@@ -19,7 +20,7 @@ void compare(const std::function<test::Case()>& make, const FunnelOptions& optio
   test::Recorder on_cpu, on_device;
   const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
   const auto executor =
-      cuda::make_executor(*actual.problem, executor_options(options), actual.state);
+      cuda::make_executor({{actual.problem.get(), &actual.state}}, executor_options(options));
   const Result a = solve_funnel(*executor, options, on_device.observer());
   EXPECT_EQ(a.message, e.message);
   test::expect_same_records(on_device.records, on_cpu.records);

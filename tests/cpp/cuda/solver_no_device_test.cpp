@@ -18,7 +18,7 @@ const bool kHidden = setenv("CUDA_VISIBLE_DEVICES", "", 1) == 0;
 std::string refusal(Formulation formulation) {
   test::Case c = test::make_flight(formulation);
   try {
-    make_executor(*c.problem, executor_options({}), c.state);
+    make_executor({{c.problem.get(), &c.state}}, executor_options({}));
   } catch (const DeviceError& error) {
     return error.what();
   }

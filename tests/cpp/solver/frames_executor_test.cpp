@@ -9,7 +9,7 @@
 #include "solver/flight.h"
 #include "solver/same_records.h"
 #include "solver/serial_device.h"
-#include "trajopt/solver/funnel_sqp.h"
+#include "trajopt/solver/batch.h"
 
 namespace trajopt {
 namespace {
@@ -23,8 +23,9 @@ std::vector<IterationRecord> compare(const std::function<test::Case()>& make,
   test::Case expected = make(), actual = make();
   test::Recorder on_cpu, on_device;
   const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
-  FramesExecutor<test::SerialDevice> executor(test::SerialDevice(how), *actual.problem,
-                                              executor_options(options), actual.state, most_lanes);
+  FramesExecutor<test::SerialDevice> executor(test::SerialDevice(how),
+                                              {{actual.problem.get(), &actual.state}},
+                                              executor_options(options), most_lanes);
   const Result a = solve_funnel(executor, options, on_device.observer());
   EXPECT_EQ(a.status, e.status) << a.message << "; on the processor: " << e.message;
   EXPECT_EQ(a.message, e.message);
@@ -99,8 +100,8 @@ TEST(FramesExecutor, WrongInertia) {
 TEST(FramesExecutor, RefusesWhatItCannotDo) {
   const auto message = [](test::Case c) -> std::string {
     try {
-      const FramesExecutor<test::SerialDevice> executor(test::SerialDevice({}), *c.problem,
-                                                        executor_options({}), c.state);
+      const FramesExecutor<test::SerialDevice> executor(
+          test::SerialDevice({}), {{c.problem.get(), &c.state}}, executor_options({}));
     } catch (const DeviceError& error) {
       return error.what();
     }

@@ -42,7 +42,10 @@ class SerialDevice {
     log_->pinned.push_back(allocate(count * sizeof(T)));
     return reinterpret_cast<T*>(log_->pinned.back().data());
   }
-  void upload(void* to, const void* from, std::size_t bytes) const { std::memcpy(to, from, bytes); }
+  void upload(void* to, const void* from, std::size_t bytes) const {
+    if (bytes > 0) std::memcpy(to, from, bytes);
+  }
+  void download(void* to, const void* from, std::size_t bytes) const { upload(to, from, bytes); }
 
   // While a recording is being made nothing is done.
   void copy_in(void* to, const void* from, std::size_t bytes) const {
@@ -91,23 +94,25 @@ class SerialDevice {
 class SerialDevice::Solver {
  public:
   Solver(const SerialDevice& device, int blocks, int size, linalg::Ordering ordering,
-         const std::vector<signed char>& signs)
+         const std::vector<signed char>& signs, int batch)
       : run_(device),
         plan_(make_group_plan(blocks, linalg::make_schedule(blocks, ordering, 2))),
-        matrix_(blocks, size),
-        signs_(signs) {
+        batch_(batch),
+        matrix_(blocks, size, batch) {
+    for (int item = 0; item < batch; ++item)
+      signs_.insert(signs_.end(), signs.begin(), signs.end());
     s_.blocks = blocks;
     s_.size = size;
-    s_.batch = 1;
     s_.slots = plan_.slots;
     s_.runs = plan_.runs;
     s_.ld = linalg::group_ld(size);
     const long block = s_.block_length();
-    w_.resize(blocks * block);
-    couplings_.resize(plan_.slots * block);
-    inverse_.resize(matrix_.rows());
-    scratch_.resize(plan_.runs * 3 * block);
-    failures_.resize(plan_.runs);
+    w_.resize(batch * blocks * block);
+    couplings_.resize(batch * plan_.slots * block);
+    inverse_.resize(batch * matrix_.rows());
+    scratch_.resize(batch * plan_.runs * 3 * block);
+    failures_.resize(batch * plan_.runs);
+    failed_stage_.resize(batch);
     s_.diagonal = matrix_.diagonal(0);
     s_.lower = matrix_.lower(0);
     s_.signs = signs_.data();
@@ -117,7 +122,7 @@ class SerialDevice::Solver {
     s_.inverse = inverse_.data();
     s_.scratch = scratch_.data();
     s_.failures = failures_.data();
-    s_.failed_stage = &failed_stage_;
+    s_.failed_stage = failed_stage_.data();
     s_.failed_item = &failed_item_;
   }
   Solver(const Solver&) = delete;
@@ -125,18 +130,23 @@ class SerialDevice::Solver {
   double* diagonal() { return matrix_.diagonal(0); }
   double* lower() { return matrix_.lower(0); }
 
+  void list(const int* listed, int places) {
+    s_.listed = listed;
+    s_.batch = places;
+  }
   void factor() {
     run_.then([this] {
       std::fill(failures_.begin(), failures_.end(), linalg::GroupFailure{-1, -1, 0.0});
-      failed_stage_ = failed_item_ = linalg::GroupSystem::kNever;
+      std::fill(failed_stage_.begin(), failed_stage_.end(), linalg::GroupSystem::kNever);
+      failed_item_ = linalg::GroupSystem::kNever;
     });
     sequence_factor(run_, plan_, entries(), s_);
   }
   void solve(double* x, int m) { sequence_solve(run_, plan_, entries(), s_, {x, m, nullptr}); }
   void reserve(int m) {
-    r_.resize(matrix_.rows() * m);
+    r_.resize(batch_ * matrix_.rows() * m);
     saved_.resize(r_.size());
-    norm_.assign(linalg::column_chunks(m), 0.0);
+    norm_.assign(batch_ * linalg::column_chunks(m), 0.0);
     states_.resize(norm_.size());
     active_.resize(norm_.size());
   }
@@ -147,17 +157,15 @@ class SerialDevice::Solver {
     for (int k = 0; k < steps; ++k)
       sequence_refine_step(run_, plan_, entries(), s_, x, m, steps, tolerance, arrays);
   }
-  const std::string* failure() {
-    if (failed_item_ == linalg::GroupSystem::kNever) return nullptr;
-    text_ = "stage " + std::to_string(failed_stage_);
-    return &text_;
-  }
+  const int* failed() const { return failed_stage_.data(); }
+  std::string failure(int item) const { return "stage " + std::to_string(failed_stage_[item]); }
 
  private:
   linalg::PlanEntries entries() const { return {plan_.eliminations.data(), plan_.updates.data()}; }
 
   SerialDevice run_;
   linalg::GroupPlan plan_;
+  const int batch_;
   linalg::SymmetricBlockTridiagonal matrix_;
   std::vector<signed char> signs_;
   linalg::GroupSystem s_;
@@ -165,9 +173,9 @@ class SerialDevice::Solver {
   std::vector<linalg::GroupFailure> failures_;
   std::vector<linalg::GroupRefinement> states_;
   std::vector<int> active_;
-  int failed_stage_ = 0, failed_item_ = 0;
+  std::vector<int> failed_stage_;
+  int failed_item_ = 0;
   const double regularization_ = 0.0;
-  std::string text_;
 };
 
 }  // namespace trajopt::test

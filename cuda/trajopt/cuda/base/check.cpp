@@ -46,7 +46,7 @@ void check_allocation(cudaError_t status, const char* call, std::size_t bytes) {
     text += ", " + std::to_string(free) + " of " + std::to_string(total) + " are free";
   }
   cudaGetLastError();
-  throw DeviceError(text);
+  throw DeviceMemoryError(text);
 }
 
 }  // namespace trajopt::cuda

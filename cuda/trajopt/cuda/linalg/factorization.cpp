@@ -55,7 +55,7 @@ Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks
       blocks, schedule_for(blocks, ordering, chunks, batch, device.multiprocessors));
   system_.blocks = blocks;
   system_.size = size;
-  system_.batch = batch;
+  batch_ = system_.batch = batch;
   system_.slots = plan_.slots;
   system_.runs = plan_.runs;
   system_.ld = linalg::group_ld(size);
@@ -131,21 +131,30 @@ void Factorization::check(const signed char* host_signs, double regularization,
   stream.synchronize();
   const int item = host_failed_item_[0];
   if (item != GroupSystem::kNever) {
-    std::vector<GroupFailure> failures(plan_.runs);
-    failures_.download(failures.data(), failures.size(), stream,
-                       static_cast<std::size_t>(item) * plan_.runs);
-    stream.synchronize();
-    GroupFailure lowest{-1, -1, 0.0};
-    for (const GroupFailure& f : failures) {
-      if (f.block >= 0 && (lowest.block < 0 || f.block < lowest.block)) lowest = f;
-    }
     const signed char* signs = host_signs ? host_signs + item * rows() : nullptr;
-    const bool positive =
-        !signs || signs[static_cast<long>(lowest.block) * size() + lowest.row] > 0;
-    throw linalg::pivot_error(batch() > 1 ? item : -1, lowest.block, lowest.row, lowest.value,
-                              positive, regularization);
+    throw failure(item, signs, regularization, batch() > 1 ? item : -1, stream);
   }
   factored_ = true;
+}
+
+FactorizationError Factorization::failure(int item, const signed char* signs, double regularization,
+                                          int name, const Stream& stream) const {
+  std::vector<GroupFailure> failures(plan_.runs);
+  failures_.download(failures.data(), failures.size(), stream,
+                     static_cast<std::size_t>(item) * plan_.runs);
+  stream.synchronize();
+  GroupFailure lowest{-1, -1, 0.0};
+  for (const GroupFailure& f : failures) {
+    if (f.block >= 0 && (lowest.block < 0 || f.block < lowest.block)) lowest = f;
+  }
+  const bool positive = !signs || signs[static_cast<long>(lowest.block) * size() + lowest.row] > 0;
+  return linalg::pivot_error(name, lowest.block, lowest.row, lowest.value, positive,
+                             regularization);
+}
+
+void Factorization::list(const int* listed, int places) {
+  system_.listed = listed;
+  system_.batch = places;
 }
 
 void Factorization::enqueue_solve(double* x, int m, const Stream& stream) const {

@@ -40,6 +40,10 @@ class Factorization {
                       double tolerance, const Stream& stream) const;
   void reserve_refinement(int m);
 
+  // The launches enqueued from here on are for listed[0] problems of the batch, those in listed[1]
+  // on, and have room for `places` of them. In device memory, read when the launches run.
+  void list(const int* listed, int places);
+
   // Waits for the stream; throws FactorizationError, as linalg::Factorization::factor does, if the
   // last enqueue_factor failed. `signs` and `regularization` are for the message.
   void check(const signed char* host_signs, double regularization, const Stream& stream);
@@ -47,10 +51,16 @@ class Factorization {
   linalg::Refinement refinement(const Stream& stream) const;
   // kNever, or the first item that failed; in device memory, for kernels that must know.
   const int* failed_item() const { return failed_item_.data(); }
+  // By item: kNever, or the stage in which it failed; in device memory.
+  const int* failed_stages() const { return failed_stage_.data(); }
+  // Of an item that failed: what check() would throw, with `signs` those of this item and the
+  // item's name `name` (-1: it has none).
+  FactorizationError failure(int item, const signed char* signs, double regularization, int name,
+                             const Stream& stream) const;
 
   int blocks() const { return system_.blocks; }
   int size() const { return system_.size; }
-  int batch() const { return system_.batch; }
+  int batch() const { return batch_; }
   linalg::Ordering ordering() const { return plan_.ordering; }  // never automatic
   bool factored() const { return factored_; }
   std::size_t device_bytes() const;  // of all buffers
@@ -66,7 +76,8 @@ class Factorization {
   void require_factors(const char* what) const;
 
   linalg::GroupPlan plan_;
-  linalg::GroupSystem system_;
+  int batch_ = 1;
+  linalg::GroupSystem system_;  // its batch is that of the launches
   DeviceBuffer<linalg::PlannedElimination> eliminations_;
   DeviceBuffer<linalg::PlannedUpdate> updates_;
   DeviceBuffer<double> w_, couplings_, inverse_, scratch_;

@@ -49,6 +49,10 @@ class CudaDevice {
     copy(to, from, bytes, cudaMemcpyHostToDevice);
     stream().synchronize();
   }
+  void download(void* to, const void* from, std::size_t bytes) const {
+    copy(to, from, bytes, cudaMemcpyDeviceToHost);
+    stream().synchronize();
+  }
   void copy_in(void* to, const void* from, std::size_t bytes) const {
     copy(to, from, bytes, cudaMemcpyHostToDevice);
   }
@@ -89,20 +93,22 @@ class CudaDevice {
 class CudaDevice::Solver {
  public:
   Solver(const CudaDevice& device, int blocks, int size, linalg::Ordering ordering,
-         const std::vector<signed char>& signs)
+         const std::vector<signed char>& signs, int batch)
       : device_(device),
-        factorization_(blocks, size, ordering),
-        matrix_(blocks, size),
+        factorization_(blocks, size, ordering, 2, batch),
+        matrix_(blocks, size, batch),
         host_signs_(signs),
-        signs_(signs.size()),
+        signs_(signs.size() * batch),
         regularization_(1) {
     const Stream& stream = device_.stream();
-    const std::size_t block = sizeof(double) * size * size;
+    const std::size_t block = sizeof(double) * size * size * batch;
     TRAJOPT_CUDA_CHECK(cudaMemsetAsync(matrix_.diagonal(), 0, block * blocks, stream.get()));
     if (blocks > 1) {
       TRAJOPT_CUDA_CHECK(cudaMemsetAsync(matrix_.lower(), 0, block * (blocks - 1), stream.get()));
     }
-    signs_.upload(host_signs_.data(), host_signs_.size(), stream);
+    std::vector<signed char> all;
+    for (int item = 0; item < batch; ++item) all.insert(all.end(), signs.begin(), signs.end());
+    signs_.upload(all.data(), all.size(), stream);
     regularization_.set_zero(stream);  // the assembly regularizes
     stream.synchronize();
   }
@@ -110,6 +116,7 @@ class CudaDevice::Solver {
   double* diagonal() const { return matrix_.diagonal(); }
   double* lower() const { return matrix_.lower(); }
 
+  void list(const int* listed, int places) { factorization_.list(listed, places); }
   void factor() {
     factorization_.enqueue_factor(matrix_, signs_.data(), regularization_.data(), device_.stream());
   }
@@ -118,14 +125,9 @@ class CudaDevice::Solver {
   void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
     factorization_.enqueue_refine(matrix_, rhs, x, m, steps, tolerance, device_.stream());
   }
-  const std::string* failure() {
-    try {
-      factorization_.check(host_signs_.data(), 0.0, device_.stream());
-    } catch (const FactorizationError& error) {
-      text_ = error.what();
-      return &text_;
-    }
-    return nullptr;
+  const int* failed() const { return factorization_.failed_stages(); }
+  std::string failure(int item) {
+    return factorization_.failure(item, host_signs_.data(), 0.0, -1, device_.stream()).what();
   }
 
  private:
@@ -135,15 +137,14 @@ class CudaDevice::Solver {
   std::vector<signed char> host_signs_;
   DeviceBuffer<signed char> signs_;
   DeviceBuffer<double> regularization_;
-  std::string text_;
 };
 
 }  // namespace
 
-std::unique_ptr<SqpExecutor> make_executor(const TrajectoryProblem& problem,
-                                           const ExecutorOptions& options, State& state) {
-  require_device_support(problem, "cuda");
-  return std::make_unique<FramesExecutor<CudaDevice>>(CudaDevice(), problem, options, state);
+std::unique_ptr<BatchExecutor> make_executor(const std::vector<BatchMember>& members,
+                                             const ExecutorOptions& options) {
+  for (const BatchMember& m : members) require_device_support(*m.problem, "cuda");
+  return std::make_unique<FramesExecutor<CudaDevice>>(CudaDevice(), members, options);
 }
 
 }  // namespace trajopt::cuda

@@ -20,8 +20,7 @@ namespace {
 
 using Work = std::function<void()>;
 
-constexpr std::size_t kMemory = std::size_t{4} << 30;
-std::size_t allocated = 0;
+std::size_t memory = std::size_t{4} << 30, allocated = 0;
 std::set<const void*> pinned;
 cudaError_t last_error = cudaSuccess;
 
@@ -55,6 +54,9 @@ void enqueue(cudaStream_t stream, std::function<void()> work) {
   }
 }
 
+void set_memory(std::size_t bytes) { memory = bytes; }
+std::size_t allocated_memory() { return allocated; }
+
 }  // namespace trajopt::emulation
 
 extern "C" {
@@ -71,19 +73,19 @@ cudaError_t cudaGetDeviceProperties(cudaDeviceProp* p, int) {
   std::strcpy(p->name, "Emulated");
   p->major = 9;
   p->multiProcessorCount = 16;
-  p->totalGlobalMem = kMemory;
+  p->totalGlobalMem = memory;
   p->sharedMemPerBlockOptin = 227 << 10;
   return cudaSuccess;
 }
 cudaError_t cudaMemGetInfo(std::size_t* free, std::size_t* total) {
-  *free = kMemory - allocated;
-  *total = kMemory;
+  *free = memory - allocated;
+  *total = memory;
   return cudaSuccess;
 }
 
 // The size stands before the memory, so that freeing it is accounted for.
 cudaError_t cudaMalloc(void** p, std::size_t bytes) {
-  if (bytes > kMemory - allocated) return result(cudaErrorMemoryAllocation);
+  if (allocated + bytes > memory) return result(cudaErrorMemoryAllocation);
   char* data = static_cast<char*>(std::malloc(bytes + 64));
   std::memcpy(data, &bytes, sizeof bytes);
   std::memset(data + 64, 0xff, bytes);

@@ -1,0 +1,61 @@
+// Batches on a GPU against single solves on the processor: every record and state, bit for bit. The
+// same comparison without a GPU, with the same launches, is solver/batch_test.cpp.
+#include <gtest/gtest.h>
+
+#include "solver/batch_cases.h"
+#include "trajopt/base/error.h"
+#include "trajopt/cuda/solver/executor.h"
+
+namespace trajopt {
+namespace {
+
+using test::Batch;
+using test::make_member;
+
+TEST(DeviceBatch, EveryProblemAsAlone) {
+  for (int count : {1, 2, 3, 5}) {
+    SCOPED_TRACE("batch of " + std::to_string(count));
+    Batch batch(count);
+    test::expect_as_alone(batch, solve_funnels(batch.items(), cuda::make_executor, {}));
+  }
+}
+
+// An objective without a minimum: no damping gives the matrix the right inertia.
+test::Case make_hopeless() {
+  test::Random random(1);
+  const Model model = test::make_character();
+  Objective objective = test::every_term(model, 13, random);
+  for (double& weight : objective.local[0].weight) weight = -1e20;
+  return test::make_case({.frames = 13, .turn = 0.01}, model, objective, random);
+}
+
+// It is said which pivot failed, in the processor's words, and the others go on.
+TEST(DeviceBatch, FailuresStayWhereTheyAre) {
+  const auto make = [](int k) { return k == 1 ? make_hopeless() : make_member(k); };
+  Batch batch(4);
+  batch.cases[1] = make_hopeless();
+  batch.cases[2].state[5] = std::nan("");
+  const auto ends = solve_funnels(batch.items(), cuda::make_executor, {});
+  EXPECT_EQ(ends[1].result.status, Status::numerical_failure);
+  EXPECT_NE(ends[1].result.message.find("pivot"), std::string::npos) << ends[1].result.message;
+  EXPECT_EQ(ends[2].result.status, Status::numerical_failure);
+  test::expect_as_alone(batch, ends, make);
+}
+
+TEST(DeviceBatch, NoProblems) {
+  EXPECT_TRUE(solve_funnels(std::vector<BatchItem>{}, cuda::make_executor, {}).empty());
+}
+
+TEST(DeviceBatch, WhatADeviceCannotDoIsRefusedAlone) {
+  test::Case cases[] = {make_member(0), test::make_flight(Formulation::spline)};
+  std::vector<BatchItem> items;
+  for (test::Case& c : cases)
+    items.push_back({{c.problem.get(), &c.state}, test::options_for(2), {}});
+  const auto ends = solve_funnels(items, cuda::make_executor, {});
+  EXPECT_FALSE(ends[0].error);
+  ASSERT_TRUE(ends[1].error);
+  EXPECT_THROW(std::rethrow_exception(ends[1].error), DeviceError);
+}
+
+}  // namespace
+}  // namespace trajopt

@@ -1,0 +1,73 @@
+// Batches of problems of one shape, and the comparison of each with its solve alone.
+#pragma once
+
+#include <functional>
+
+#include "solver/flight.h"
+#include "solver/same_records.h"
+#include "trajopt/solver/batch.h"
+
+namespace trajopt::test {
+
+inline FunnelOptions options_for(int iterations) {
+  FunnelOptions options;
+  options.ordering = linalg::Ordering::cyclic;
+  options.max_iterations = iterations;
+  options.funnel = 1e3;
+  return options;
+}
+
+// Problems of one shape that differ in pose, targets, weights, steps and time scheme, and go
+// different ways: the wilder the start, the more steps are refused.
+inline Case make_member(int k) {
+  Setup setup{.frames = 13, .uneven = k % 3 == 1, .turn = 0.01 + 0.01 * k};
+  if (k % 2 == 1) setup.integrator = Integrator::verlet;
+  return make_case(setup, 3 + k);
+}
+
+struct Batch {
+  std::vector<Case> cases;
+  std::vector<Recorder> recorders;
+  std::vector<FunnelOptions> options;
+  std::vector<State> starts;  // when items() was called
+
+  explicit Batch(int count) : recorders(count) {
+    for (int k = 0; k < count; ++k) {
+      cases.push_back(make_member(k));
+      options.push_back(options_for(3 + 2 * k));
+    }
+  }
+  std::vector<BatchItem> items() {
+    std::vector<BatchItem> all;
+    for (const Case& c : cases) starts.push_back(c.state);
+    for (std::size_t k = 0; k < cases.size(); ++k) {
+      all.push_back({{cases[k].problem.get(), &cases[k].state},
+                     options[k],
+                     report_to(recorders[k].observer())});
+    }
+    return all;
+  }
+};
+
+// Every problem of the batch by itself, on the processor.
+inline void expect_as_alone(const Batch& batch, const std::vector<BatchEnd>& ends,
+                            const std::function<Case(int)>& make = make_member) {
+  ASSERT_EQ(ends.size(), batch.cases.size());
+  for (std::size_t k = 0; k < ends.size(); ++k) {
+    SCOPED_TRACE("problem " + std::to_string(k));
+    ASSERT_FALSE(ends[k].error);
+    Case alone = make(static_cast<int>(k));
+    alone.state = batch.starts[k];
+    Recorder recorder;
+    recorder.stop_after = batch.recorders[k].stop_after;
+    const Result expected =
+        solve_funnel(*alone.problem, batch.options[k], alone.state, recorder.observer());
+    EXPECT_EQ(ends[k].result.status, expected.status);
+    EXPECT_EQ(ends[k].result.message, expected.message);
+    EXPECT_EQ(ends[k].result.iterations, expected.iterations);
+    expect_same_records(batch.recorders[k].records, recorder.records);
+    expect_same_state(batch.cases[k].state, alone.state);
+  }
+}
+
+}  // namespace trajopt::test
