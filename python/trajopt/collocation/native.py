@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -22,7 +22,9 @@ from trajopt import _core
 from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP
 from trajopt.collocation.tape import make_tape
+from trajopt.collocation.watch import Callback, Watch
 from trajopt.errors import ArgumentError
+from trajopt.interrupt import InterruptFlag
 from trajopt.status import Status
 
 __all__ = ["OPTIONS", "NativeSolver", "solve_native"]
@@ -35,13 +37,11 @@ OPTIONS: dict[str, Any] = {
     "barrier": 0.1,  # barrier parameter at the start; 1e-6 of a warm start
     "bound_push": 1e-2,  # share by which the start is pushed away from its bounds
     "scale": True,  # scale objective and constraints by their gradients at the start
-    "refinements": 4,  # most refinement steps of a linear solve
+    "refinements": 10,  # most refinement steps of a linear solve
     "threads": 1,  # of evaluation and linear algebra; the result does not depend on them
     "ordering": "auto",  # of the block elimination: auto, sequential, cyclic or chunked
 }
 WARM_BARRIER = 1e-6
-
-Callback = Callable[[dict[str, Any], FloatArray], Any]
 
 
 @dataclass
@@ -256,7 +256,7 @@ class NativeSolver:
             pushed away from its bounds.
         callback : callable, optional
             ``callback(record, x)`` after every iteration, x the nodes then the globals; returning
-            False stops the solver.
+            False stops the solver. Ctrl-C stops it too, and the last iterate is kept.
         guess : tuple of arrays, optional
 
         Returns
@@ -292,30 +292,29 @@ class NativeSolver:
             "last": self._last and self._last.description(),
             "global": self._global and self._global.description(),
         }
-        began = time.perf_counter()
-        result: dict[str, Any] = _core.solve_staged(
-            problem,
-            x,
-            rows,
-            bounds,
-            self._observer(callback),
-            tolerance=tolerance,
-            max_iterations=max_iterations,
-            warm_start=warm_start is not None,
-            **settings,
-        )
-        seconds = time.perf_counter() - began
+        with InterruptFlag() as interrupt:
+            began = time.perf_counter()
+            result: dict[str, Any] = _core.solve_staged(
+                problem,
+                x,
+                rows,
+                bounds,
+                self._observer(callback, interrupt),
+                interrupt,
+                tolerance=tolerance,
+                max_iterations=max_iterations,
+                warm_start=warm_start is not None,
+                **settings,
+            )
+            seconds = time.perf_counter() - began
         return self._unpack(result, seconds)
 
-    def _observer(self, callback: Callback | None) -> Callback | None:
+    def _observer(self, callback: Callback | None, interrupt: InterruptFlag) -> Any:
+        """Return what the core calls; without a callback it looks at the flag by itself."""
         if callback is None:
             return None
-        scale = self._scale
-
-        def observe(record: dict[str, Any], x: FloatArray) -> bool:
-            return callback(record, x * scale) is not False
-
-        return observe
+        watch, scale = Watch(callback, interrupt), self._scale
+        return lambda record, x: watch.go_on(record, x * scale)
 
     def _unpack(self, result: dict[str, Any], seconds: float) -> dict[str, Any]:
         nlp = self.nlp
