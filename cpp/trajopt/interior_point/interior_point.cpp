@@ -36,7 +36,7 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
       m_(problem.rows()),
       bounds_(joined(problem.lower, problem.constraint_lower),
               joined(problem.upper, problem.constraint_upper)),
-      kkt_(problem_, options.ordering, options.threads),
+      kkt_(problem_, options.ordering, options.threads, options.refinements),
       filter_(std::min(options.max_iterations, kReserved) + 1),
       gradient_(n_ + m_),
       diagonal_(n_),

@@ -94,8 +94,7 @@ bool Method::correct_second_order(double alpha, double slope, bool& augment) {
     for (int i = 0; i < m_; ++i) soc_[i] = alpha_soc * soc_[i] + trial_.residual[i];
     Stopwatch watch;
     right_hand_side(soc_.data());
-    kkt_.solve(b1_.data(), b2_.data(), e_.data(), corrected_.dy.data(), corrected_.dlambda.data(),
-               options_.refinements);
+    kkt_.solve(b1_.data(), b2_.data(), e_.data(), corrected_.dy.data(), corrected_.dlambda.data());
     complete_direction(corrected_);
     spent_.solve += watch.lap();
     alpha_soc = primal_step_limit(bounds_, it_.y.data(), corrected_.dy.data(), tau_);

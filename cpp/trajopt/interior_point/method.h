@@ -14,7 +14,7 @@
 namespace trajopt::interior_point {
 
 // Regularization of the rows, refined away again (see kkt.h).
-inline constexpr double kRowEpsilon = 1e-8;
+inline constexpr double kRowEpsilon = 1e-10;
 
 class Method {
  public:

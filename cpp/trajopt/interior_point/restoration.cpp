@@ -40,9 +40,9 @@ bool Method::restoration_step(double mu, double damping) {
       !kkt_.factor(diagonal_.data(), regularized_.data(), false)) {
     return false;
   }
-  const double residual = kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(),
-                                     step_.dlambda.data(), options_.refinements);
-  if (!std::isfinite(residual)) return false;
+  const bool solved =
+      kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(), step_.dlambda.data());
+  if (!solved) return false;
   for (int i = 0; i < m_; ++i) {
     const int s = n_ + i;
     if (bounds_.fixed(s) || bounds_.free(s)) {
