@@ -160,12 +160,19 @@ ip::Observer make_staged_observer(const py::object& function, const py::object& 
   };
 }
 
+ip::BarrierRule parse_barrier_rule(const std::string& name) {
+  if (name == "monotone") return ip::BarrierRule::monotone;
+  if (name == "adaptive") return ip::BarrierRule::adaptive;
+  throw ArgumentError("barrier_rule = '" + name + "': expected monotone or adaptive");
+}
+
 py::dict solve_staged(const py::dict& given, const Array& x,
                       const std::optional<Array>& multipliers,
                       const std::optional<Array>& bound_multipliers, const py::object& observer,
                       const py::object& interrupt, double tolerance, int max_iterations,
-                      double barrier, double bound_push, bool warm_start, bool scale,
-                      int refinements, int threads, const std::string& ordering) {
+                      double barrier, const std::string& barrier_rule, double bound_push,
+                      bool warm_start, bool scale, int refinements, int threads,
+                      const std::string& ordering) {
   ip::StagedProblem problem;
   problem.nodes = given["nodes"].cast<int>();
   problem.node_size = given["node_size"].cast<int>();
@@ -181,6 +188,7 @@ py::dict solve_staged(const py::dict& given, const Array& x,
   const ip::Options options{.tolerance = tolerance,
                             .max_iterations = max_iterations,
                             .barrier = barrier,
+                            .barrier_rule = parse_barrier_rule(barrier_rule),
                             .bound_push = bound_push,
                             .warm_start = warm_start,
                             .scale = scale,
@@ -223,9 +231,9 @@ void register_interior_point(py::module_& m) {
   m.def("solve_staged", &solve_staged, "problem"_a, "x"_a, "multipliers"_a = py::none(),
         "bound_multipliers"_a = py::none(), "observer"_a = py::none(), "interrupt"_a = py::none(),
         py::kw_only(), "tolerance"_a = o.tolerance, "max_iterations"_a = o.max_iterations,
-        "barrier"_a = o.barrier, "bound_push"_a = o.bound_push, "warm_start"_a = o.warm_start,
-        "scale"_a = o.scale, "refinements"_a = o.refinements, "threads"_a = o.threads,
-        "ordering"_a = "auto",
+        "barrier"_a = o.barrier, "barrier_rule"_a = "monotone", "bound_push"_a = o.bound_push,
+        "warm_start"_a = o.warm_start, "scale"_a = o.scale, "refinements"_a = o.refinements,
+        "threads"_a = o.threads, "ordering"_a = "auto",
         "Interior point method for a staged nonlinear program; see trajopt.collocation.native.");
 }
 

@@ -14,10 +14,13 @@
 
 namespace trajopt::interior_point {
 
+enum class BarrierRule { monotone, adaptive };
+
 struct Options {
   double tolerance = 1e-8;  // of the scaled optimality error E_0 (5)
   int max_iterations = 3000;
-  double barrier = 0.1;      // mu at the start
+  double barrier = 0.1;  // mu at the start
+  BarrierRule barrier_rule = BarrierRule::monotone;
   double bound_push = 1e-2;  // distance of the start from its bounds (kappa_1, kappa_2)
   bool warm_start = false;   // multipliers are given; push, multipliers and mu stay as they are
   bool scale = true;         // gradient-based scaling

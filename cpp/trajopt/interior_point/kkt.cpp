@@ -148,7 +148,8 @@ bool Kkt::factor(const double* diagonal, const double* regularized, bool with_he
   return good;
 }
 
-void Kkt::condensed_solve(const double* b1, const double* b2, double* dx, double* dl) {
+// Also J dx, which comes by the way.
+void Kkt::condensed_solve(const double* b1, const double* b2, double* dx, double* dl, double* jdx) {
   for (int i = 0; i < rows_; ++i) dl[i] = weight_[i] * b2[i];
   std::copy_n(b1, variables_, rhs_.data());
   problem_.add_jacobian_transposed_product(dl, rhs_.data());
@@ -161,12 +162,12 @@ void Kkt::condensed_solve(const double* b1, const double* b2, double* dx, double
     bordered_->solve(rhs_.data(), rhs_.data() + nodes_ * size_, 1, threads_);
   }
   std::copy_n(rhs_.data(), variables_, dx);
-  for (int i = 0; i < rows_; ++i) dl[i] = -b2[i];
-  problem_.add_jacobian_product(dx, dl);
-  for (int i = 0; i < rows_; ++i) dl[i] *= weight_[i];
+  std::fill_n(jdx, rows_, 0.0);
+  problem_.add_jacobian_product(dx, jdx);
+  for (int i = 0; i < rows_; ++i) dl[i] = weight_[i] * (jdx[i] - b2[i]);
 }
 
-// y = (K dx + J^T dl, J dx - E dl).
+// y = (K dx + J^T dl, J dx - E dl) where y2 is J dx at entry.
 void Kkt::product(const double* e, const double* dx, const double* dl, double* y1,
                   double* y2) const {
   for (int i = 0; i < variables_; ++i) y1[i] = diagonal_[i] * dx[i];
@@ -175,8 +176,7 @@ void Kkt::product(const double* e, const double* dx, const double* dl, double* y
   for (int i = 0; i < variables_; ++i) {
     if (problem_.pinned(i)) y1[i] = 0.0;
   }
-  for (int i = 0; i < rows_; ++i) y2[i] = -e[i] * dl[i];
-  problem_.add_jacobian_product(dx, y2);
+  for (int i = 0; i < rows_; ++i) y2[i] -= e[i] * dl[i];
 }
 
 // Adds the step-th correction; false: the residual did not get much smaller.
@@ -188,7 +188,7 @@ bool Kkt::correct(int step, const double* e, const Weights& w, double* dx, doubl
     return w.x * w.x * dot(a, b, variables_) +
            w.rows * w.rows * dot(a + variables_, b + variables_, rows_);
   };
-  condensed_solve(r, r + variables_, z, z + variables_);
+  condensed_solve(r, r + variables_, z, z + variables_, q + variables_);
   product(e, z, z + variables_, q, q + variables_);
   for (int j = 0; j < step; ++j) {
     const Correction& before = corrections_[j];
@@ -209,9 +209,9 @@ bool Kkt::correct(int step, const double* e, const Weights& w, double* dx, doubl
 }
 
 bool Kkt::solve(const double* b1, const double* b2, const double* e, double* dx, double* dl) {
-  condensed_solve(b1, b2, dx, dl);
   double* r1 = residual_.data();
   double* r2 = r1 + variables_;
+  condensed_solve(b1, b2, dx, dl, r2);
   product(e, dx, dl, r1, r2);
   for (int i = 0; i < variables_; ++i) r1[i] = problem_.pinned(i) ? 0.0 : b1[i] - r1[i];
   for (int i = 0; i < rows_; ++i) r2[i] = b2[i] - r2[i];

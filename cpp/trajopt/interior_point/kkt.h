@@ -47,7 +47,7 @@ class Kkt {
 
   void assemble(const double* diagonal, bool with_hessian);
   void add_copy(const ScaledProblem::Terms& terms, int k, bool with_hessian);
-  void condensed_solve(const double* b1, const double* b2, double* dx, double* dl);
+  void condensed_solve(const double* b1, const double* b2, double* dx, double* dl, double* jdx);
   void product(const double* e, const double* dx, const double* dl, double* y1, double* y2) const;
   bool correct(int step, const double* e, const Weights& w, double* dx, double* dl);
 

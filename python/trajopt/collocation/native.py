@@ -35,6 +35,7 @@ FloatArray = NDArray[np.float64]
 # Options beyond tolerance and iteration limit, with their defaults.
 OPTIONS: dict[str, Any] = {
     "barrier": 0.1,  # barrier parameter at the start; 1e-6 of a warm start
+    "barrier_rule": "monotone",  # or adaptive: how it changes
     "bound_push": 1e-2,  # share by which the start is pushed away from its bounds
     "scale": True,  # scale objective and constraints by their gradients at the start
     "refinements": 10,  # most refinement steps of a linear solve
