@@ -170,7 +170,11 @@ class NativeSolver:
     ) -> _Part:
         nlp = self.nlp
         function, kind = _symbolic(function)
-        v = kind.sym("v", span * nlp.nw + nlp.np)
+        # The nodes are arguments of their own: those of neighbouring copies overlap in memory.
+        parts = [kind.sym(f"w{i}", nlp.nw) for i in range(span)] + [kind.sym("p", nlp.np)]
+        # Scalar symbols side by side are again what one can differentiate with respect to.
+        scalar = kind is casadi.SX
+        v = casadi.vertcat(*parts) if scalar else kind.sym("v", span * nlp.nw + nlp.np)
         scale = np.concatenate([np.tile(nlp.w_scale, span), nlp.p_scale])
         u = v if np.all(scale == 1.0) else v * casadi.DM(scale)
         arguments = [u[i * nlp.nw : (i + 1) * nlp.nw] for i in range(span)]
@@ -188,13 +192,12 @@ class NativeSolver:
         jacobian: Any = casadi.jacobian(c, v)
         lagrangian = factor * cost + casadi.dot(multipliers, c)
         hessian: Any = casadi.tril(casadi.hessian(lagrangian, v)[0])
-        # The nodes are arguments of their own: those of neighbouring copies overlap in memory.
-        parts = [kind.sym(f"w{i}", nlp.nw) for i in range(span)] + [kind.sym("p", nlp.np)]
-        values, derivatives = _substitute(
-            [[cost, c], [gradient, jacobian, hessian]],
-            v,
-            parts,
-            [[s], [s, multipliers, factor]],
+        values, derivatives = (
+            _function(name, v, parts, more, results)
+            for name, more, results in (
+                ("values", [s], [cost, c]),
+                ("derivatives", [s, multipliers, factor], [gradient, jacobian, hessian]),
+            )
         )
         return _Part(
             count,
@@ -344,16 +347,15 @@ class NativeSolver:
         }
 
 
-def _substitute(
-    outputs: list[list[Any]], v: Any, parts: list[Any], others: list[list[Any]]
-) -> list[Any]:
-    """Make functions of the parts v consists of."""
-    functions = []
-    for name, results, more in zip(("values", "derivatives"), outputs, others, strict=True):
-        inner = casadi.Function(name, [v, *more], results)
-        results = inner(casadi.vertcat(*parts), *more)
-        functions.append(casadi.Function(name, [*parts, *more], results, {"cse": True}))
-    return functions
+def _function(name: str, v: Any, parts: list[Any], others: list[Any], results: list[Any]) -> Any:
+    """Make a function of the parts v consists of."""
+    if isinstance(v, casadi.SX):
+        # CasADi's search for common subexpressions takes longer than all of its differentiation
+        # and finds a twentieth of the operations; the tape does not ask for it.
+        return casadi.Function(name, [*parts, *others], results)
+    inner = casadi.Function(name, [v, *others], results)
+    results = inner(casadi.vertcat(*parts), *others)
+    return casadi.Function(name, [*parts, *others], results, {"cse": True})
 
 
 def solve_native(
