@@ -39,10 +39,10 @@ struct Counted {
   int corrected = 0;     // iterations whose matrix had to be regularized
 };
 
-Counted count(Analytic& a, Point& point) {
+Counted count(Analytic& a, Point& point, BarrierRule rule = BarrierRule::monotone) {
   Counted c;
   long first = 0;
-  c.outcome = a.solve(point, {}, [&](const Record& r, const double*) {
+  c.outcome = a.solve(point, {.barrier_rule = rule}, [&](const Record& r, const double*) {
     if (r.iteration == 1) first = allocations;
     c.allocations = allocations - first;
     c.corrected += r.iteration > 1 && r.regularization > 0.0;
@@ -82,7 +82,7 @@ TEST(Allocation, NoneInTheIterations) {
 // x_{k+1} = x_k + 0.1 u_k with a cost of two wells in u, concave between them, where the start is,
 // and one unknown of every node that nothing sees: indefinite and singular matrices, with and
 // without a border.
-void expect_corrections(int globals) {
+void expect_corrections(int globals, BarrierRule rule = BarrierRule::monotone) {
   constexpr int kStages = 12, kSize = 3;
   Analytic a(kStages + 1, kSize, globals);
   const int locals = 2 * kSize + globals;
@@ -104,7 +104,7 @@ void expect_corrections(int globals) {
   a.problem.lower[0] = a.problem.upper[0] = 0;
   for (int k = 0; k < kStages; ++k) a.problem.upper[kSize * k + 1] = 3.0;
   Point point{std::vector<double>(a.problem.variables(), 0.05), {}, {}};
-  const Counted c = count(a, point);
+  const Counted c = count(a, point, rule);
   EXPECT_EQ(c.outcome.status, Status::solved) << c.outcome.message;
   EXPECT_GT(c.corrected, 2);
   EXPECT_EQ(c.allocations, 0);
@@ -112,6 +112,7 @@ void expect_corrections(int globals) {
 
 TEST(Allocation, NoneWhereTheMatrixIsIndefiniteOrSingular) { expect_corrections(0); }
 TEST(Allocation, NoneWhereTheBorderedMatrixIs) { expect_corrections(1); }
+TEST(Allocation, NoneUnderTheAdaptiveRule) { expect_corrections(0, BarrierRule::adaptive); }
 
 }  // namespace
 }  // namespace trajopt::interior_point
