@@ -94,7 +94,7 @@ def solve_ipopt(
     settings["iteration_callback"] = watch
     solver = casadi.nlpsol("solver", "ipopt", flat.program, settings)
     with interrupt:
-        result, stats, seconds = _run(solver, arguments, watch)
+        result, stats, seconds = _run(nlp, flat, solver, arguments, watch)
     w, p = flat.unpack(result["x"])
     status, message = _outcome(nlp, w, p, stats)
     return {
@@ -111,7 +111,7 @@ def solve_ipopt(
 
 
 def _run(
-    solver: Any, arguments: Mapping[str, Any], watch: IpoptWatch
+    nlp: StagedNLP, flat: _Flat, solver: Any, arguments: Mapping[str, Any], watch: IpoptWatch
 ) -> tuple[dict[str, Any], dict[str, Any], float]:
     """Return results, statistics and seconds of a solve that Ctrl-C may end."""
     watch.begin(solver)
@@ -119,12 +119,13 @@ def _run(
     try:
         result, stats = solver(**arguments), solver.stats()
     except KeyboardInterrupt:
-        # Pressed twice, within one iteration.
-        result, stats = watch.last_iterate(), solver.stats()
-        if result is None:
+        # Pressed twice, within one iteration: IPOPT's last iterate, without multipliers.
+        x = watch.last_iterate()
+        if not x.size:
             raise
+        result = {"x": x, "f": nlp.evaluate(*flat.unpack(x)).cost, **flat.no_multipliers}
         count = len(watch.elapsed) - 1
-        stats = stats | {"return_status": "User_Requested_Stop", "iter_count": count}
+        stats = solver.stats() | {"return_status": "User_Requested_Stop", "iter_count": count}
     finally:
         watch.solver = None  # it holds the watch: the circle would keep both
     if watch.error is not None:
@@ -195,6 +196,14 @@ class _Flat:
         """Return the lengths of unknowns and constraints."""
         return {"x": self.unknowns, "g": len(self._rows)}
 
+    @property
+    def no_multipliers(self) -> dict[str, Any]:
+        """Return zeros in place of IPOPT's multipliers."""
+        return {
+            "lam_g": casadi.DM.zeros(len(self._rows)),
+            "lam_x": casadi.DM.zeros(self.unknowns),
+        }
+
     def multipliers_out(self, result: Mapping[str, Any]) -> dict[str, FloatArray]:
         """Return multipliers in the shapes of the staged program."""
         nlp = self._nlp
@@ -229,10 +238,6 @@ class _Flat:
 def _overdetermined(nlp: StagedNLP, flat: _Flat) -> dict[str, Any]:
     """Return the guess, with the reason why no solver can start."""
     w, p = flat.unpack(flat.arguments["x0"])
-    zeros = {
-        "lam_g": casadi.DM.zeros(len(flat.arguments["lbg"])),
-        "lam_x": casadi.DM.zeros(flat.unknowns),
-    }
     return {
         "status": Status.INFEASIBLE,
         "message": (
@@ -241,7 +246,7 @@ def _overdetermined(nlp: StagedNLP, flat: _Flat) -> dict[str, Any]:
         ),
         "w": w,
         "p": p,
-        "multipliers": flat.multipliers_out(zeros),
+        "multipliers": flat.multipliers_out(flat.no_multipliers),
         "objective": nlp.evaluate(w, p).cost,
         "iterations": 0,
         "history": [],

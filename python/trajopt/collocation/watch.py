@@ -63,7 +63,7 @@ class Watch:
 class IpoptWatch(casadi.Callback):
     """IPOPT's ``iteration_callback``: keeps the iterate, and asks a `Watch`.
 
-    Without a callback of the user an iteration costs five copies of memory and no array.
+    Without a callback of the user an iteration costs a copy of the unknowns.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class IpoptWatch(casadi.Callback):
         self.solver: Any = None  # whose statistics the records are made of
         self.error: BaseException | None = None  # of the callback; CasADi would print and drop it
         self.elapsed: list[float] = []
-        self._iterate: tuple[bytes, ...] = ()
+        self._iterate = b""
         self._watch = watch
         self._sizes = {"x": sizes["x"], "g": sizes["g"], "f": 1}
         self._sizes |= {"lam_x": sizes["x"], "lam_g": sizes["g"]}
@@ -107,22 +107,22 @@ class IpoptWatch(casadi.Callback):
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
         """Take the iterate x, f, g, lam_x, lam_g and answer."""
-        go_on = False
+        self.elapsed.append(time.perf_counter() - self._began)
+        self._iterate = bytes(arguments[0])
+        results[0][:] = _GO_ON
+        if self._watch.callback is None:
+            if self._watch.interrupted:
+                results[0][:] = _STOP
+            return 0
         try:
-            self.elapsed.append(time.perf_counter() - self._began)
-            self._iterate = tuple(
-                b"" if values is None else bytes(values) for values in arguments[:5]
-            )
-            go_on = not self._watch.interrupted
-            if self._watch.callback is not None:
-                x = self._unpack(np.frombuffer(self._iterate[0], dtype=np.float64))
-                record = iteration_rows(self.solver.stats(), self.elapsed)[-1]
-                go_on = self._watch.go_on(record, x)
+            record = iteration_rows(self.solver.stats(), self.elapsed)[-1]
+            if not self._watch.go_on(record, self._unpack(self.last_iterate())):
+                results[0][:] = _STOP
         except KeyboardInterrupt:
-            pass
+            results[0][:] = _STOP
         except BaseException as error:  # noqa: BLE001  (raised again when CasADi is left)
             self.error = error
-        results[0][:] = _GO_ON if go_on else _STOP
+            results[0][:] = _STOP
         return 0
 
     def begin(self, solver: Any) -> None:
@@ -130,15 +130,9 @@ class IpoptWatch(casadi.Callback):
         self.solver = solver
         self._began = time.perf_counter()
 
-    def last_iterate(self) -> dict[str, Any] | None:
-        """Return the results of the last iteration, or None before the first."""
-        if not self._iterate:
-            return None
-        names = ("x", "f", "g", "lam_x", "lam_g")
-        return {
-            name: casadi.DM(np.frombuffer(values, dtype=np.float64))
-            for name, values in zip(names, self._iterate, strict=True)
-        }
+    def last_iterate(self) -> FloatArray:
+        """Return x of the last iteration, of length 0 before the first."""
+        return np.frombuffer(self._iterate, dtype=np.float64)
 
 
 def iteration_rows(stats: Mapping[str, Any], elapsed: list[float]) -> list[dict[str, Any]]:

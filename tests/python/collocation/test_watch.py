@@ -10,6 +10,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+import casadi
 import numpy as np
 import pytest
 
@@ -149,6 +150,31 @@ def test_ctrl_c_keeps_the_iterate(solver: str, watched: str) -> None:
     status, rows, finite = done.stdout.split()
     assert (status, finite) == ("interrupted", "True")
     assert 1 <= int(rows) <= 15  # it takes 15 iterations to solve
+
+
+def test_a_second_ctrl_c_keeps_the_iterate_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is raised inside of CasADi, which throws the results away."""
+    recorder = Recorder()
+
+    class Solver:
+        def __init__(self, inner: Any) -> None:
+            self.inner = inner
+
+        def __call__(self, **arguments: Any) -> Any:
+            self.inner(**arguments)
+            raise KeyboardInterrupt
+
+        def stats(self) -> Any:
+            return self.inner.stats()
+
+    nlpsol = casadi.nlpsol
+    monkeypatch.setattr(casadi, "nlpsol", lambda *given: Solver(nlpsol(*given)))
+    found = col.solve(cart_pole(), segments=10, max_iterations=3, callback=recorder)
+    assert found.status is Status.INTERRUPTED
+    assert found.iterations == 3
+    kept = np.concatenate([found.result["w"].ravel(), found.result["p"]])
+    np.testing.assert_array_equal(kept, recorder.iterates[-1])
+    assert found.result["objective"] == pytest.approx(recorder.records[-1]["objective"])
 
 
 def test_ctrl_c_between_two_meshes_keeps_the_first() -> None:
