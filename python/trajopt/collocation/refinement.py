@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from trajopt.collocation.solution import Solution
 from trajopt.collocation.transcriptions import DEGREE, make_transcription
 from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.status import Status
 
 __all__ = ["Once", "next_mesh", "refine_automatically", "relative_error", "run_schedule"]
 
@@ -56,9 +57,8 @@ def run_schedule(once: Once, schedule: Sequence[Any]) -> Solution:
             plan.append((entry, {}))
     solution: Solution | None = None
     for segments, settings in plan:
-        found = once(segments, settings, solution)
-        solution = _joined(solution, found)
-        if not found.converged:
+        solution = _next(once, segments, settings, solution)
+        if not solution.converged:
             break
     assert solution is not None
     return solution
@@ -76,7 +76,7 @@ def refine_automatically(
         mesh, degree = next_mesh(solution, settings, tolerance)
         if degree:
             settings["degree"] = degree
-        solution = _joined(solution, once(mesh, settings, solution))
+        solution = _next(once, mesh, settings, solution)
     worst = float(relative_error(solution).max())
     if solution.converged and worst > tolerance:
         solution.message += f"; error {worst:.1e} still above refine = {tolerance:g}"
@@ -109,6 +109,20 @@ def next_mesh(
         for k, m in enumerate(parts)
     ]
     return np.append(np.concatenate(knots), 1.0), 0
+
+
+def _next(
+    once: Once, segments: Any, settings: Mapping[str, Any], before: Solution | None
+) -> Solution:
+    """Solve from `before`, which stays what there is if Ctrl-C comes before the solver starts."""
+    try:
+        return _joined(before, once(segments, settings, before))
+    except KeyboardInterrupt:
+        if before is None:
+            raise
+        before.status = Status.INTERRUPTED
+        before.message = f"interrupted before the next mesh was solved; {before.message}"
+        return before
 
 
 def _joined(before: Solution | None, after: Solution) -> Solution:

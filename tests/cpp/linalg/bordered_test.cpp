@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <tuple>
 
@@ -102,6 +103,27 @@ TEST(Bordered, ManyColumnsAreTheColumns) {
   factorization.solve(z1.data(), y1.data());
   for (long i = 0; i < rows; ++i) EXPECT_EQ(z1[i], z[i * m + 1]);
   for (int i = 0; i < 4; ++i) EXPECT_EQ(y1[i], y[i * m + 1]);
+}
+
+// A pivot of K or of the border: false, and nothing to solve with until it goes well.
+TEST(Bordered, TryFactorSaysNo) {
+  System system(4, 3, 2);
+  BorderedFactorization factorization(4, 3, 2);
+  const auto attempt = [&] {
+    return factorization.try_factor(system.k, system.e.data(), system.f.data(),
+                                    system.signs.data());
+  };
+  std::vector<double> z(12, 1.0), y(2, 1.0);
+  const double good = system.f[3];
+  ASSERT_TRUE(attempt());
+  factorization.solve(z.data(), y.data());
+  system.f[3] = -1e3;
+  EXPECT_FALSE(attempt());
+  EXPECT_THROW(factorization.solve(z.data(), y.data()), ArgumentError);
+  system.f[3] = good;
+  system.k.diagonal(2)[0] = std::nan("");
+  EXPECT_FALSE(attempt());
+  EXPECT_THROW(factorization.solve(z.data(), y.data()), ArgumentError);
 }
 
 TEST(Bordered, NamesAPivotOfTheBorder) {

@@ -33,6 +33,8 @@ void expect_failure(const SymmetricBlockTridiagonal& a, const signed char* signs
                                 precision_name(precision) + " " + std::to_string(a.blocks()) +
                                 " x " + std::to_string(a.size());
       Factorization f(a.blocks(), a.size(), ordering, 3, 1, Isa::avx512, precision);
+      EXPECT_FALSE(f.try_factor(a, signs, 0.0, 2)) << where;
+      EXPECT_FALSE(f.factored());
       try {
         f.factor(a, signs, 0.0, 2);
         ADD_FAILURE() << "factored: " << where;

@@ -71,6 +71,56 @@ def test_same_optimum_as_ipopt(name: str, method: str) -> None:
     scale = max(1.0, abs(oracle["objective"]))
     assert abs(result["objective"] - oracle["objective"]) <= 1e-8 * scale
     assert kkt_error(nlp, result) <= 1e-6
+    # The same algorithm: usually to the iteration.
+    assert result["iterations"] <= 1.2 * oracle["iterations"] + 2
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_adaptive_barrier(name: str, method: str) -> None:
+    solver = NativeSolver(staged(PROBLEMS[name](), 30, method))
+    result = solver.solve(tolerance=1e-10, options={"barrier_rule": "adaptive"})
+    assert result["status"] is Status.SOLVED, result["message"]
+    monotone = solver.solve(tolerance=1e-10)
+    scale = max(1.0, abs(monotone["objective"]))
+    # Singular arcs of the catalyst have optima side by side, 1e-6 apart.
+    apart = 1e-5 if name == "catalyst_mixing" else 1e-8
+    assert abs(result["objective"] - monotone["objective"]) <= apart * scale
+    assert kkt_error(solver.nlp, result) <= 1e-6
+    if len(result["history"]) > 5:  # mu is free to rise and fall
+        assert [r["barrier"] for r in result["history"][:6]] != [
+            r["barrier"] for r in monotone["history"][:6]
+        ]
+
+
+def test_adaptive_barrier_falls_back() -> None:
+    """Where the error stops falling, mu is held as by the monotone rule; free it changes always."""
+    nlp = staged(PROBLEMS["rayleigh"](), 30, "trapezoidal")
+    result = solve_native(nlp, options={"barrier_rule": "adaptive"})
+    assert result["status"] is Status.SOLVED
+    errors = [r["error"] for r in result["history"]]
+    barriers = [r["barrier"] for r in result["history"]]
+    worse = next(k for k in range(5, len(errors)) if errors[k] > 0.9999 * max(errors[k - 5 : k]))
+    assert barriers[worse + 1] == barriers[worse + 2] > 1e-8
+    assert len(set(barriers[1 : worse + 2])) == worse + 1
+
+
+def test_restoration_is_counted_and_can_be_stopped() -> None:
+    weak = cart_pole()
+    weak.u_bounds = ([-1], [1])
+    solver = NativeSolver(staged(weak, 25))
+    whole = solver.solve()
+    assert whole["status"] is Status.INFEASIBLE
+    inside = [r["iteration"] for r in whole["history"] if r["restoration"]]
+    assert len(inside) > 10
+    assert [r["iteration"] for r in whole["history"]] == list(range(whole["iterations"] + 1))
+    stop = inside[5]
+    stopped = solver.solve(callback=lambda record, x: record["iteration"] < stop)
+    assert stopped["status"] is Status.INTERRUPTED
+    assert stopped["iterations"] == stop
+    limited = solver.solve(max_iterations=stop)
+    assert limited["status"] is Status.MAX_ITERATIONS
+    assert limited["iterations"] == stop
 
 
 def test_kelly_reference_values() -> None:
@@ -253,6 +303,8 @@ def test_bad_options_are_named() -> None:
         solve_native(nlp, tolerance=-1.0)
     with pytest.raises(ValueError, match="ordering = 'best'"):
         solve_native(nlp, options={"ordering": "best"})
+    with pytest.raises(ValueError, match="barrier_rule = 'best'"):
+        solve_native(nlp, options={"barrier_rule": "best"})
     crossed = dataclasses.replace(nlp, w_lower=nlp.w_upper + 1.0)
     with pytest.raises(ValueError, match="expected lower <= upper"):
         solve_native(crossed)
