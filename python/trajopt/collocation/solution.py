@@ -33,13 +33,17 @@ class Pass:
     ----------
     method : str
     segments, degree : int
-        Size of the mesh; degree is 0 where the method has a fixed one.
+        Size of the mesh; degree is the highest of all segments, 0 where the method has a fixed one.
     objective : float
     error : float
         Largest entry of the error per segment.
     iterations : int
     seconds : float
     status : Status
+    degrees : tuple of int
+        Degree of every segment; empty where the method has a fixed one.
+    cut, raised : int
+        How many segments of the mesh before were cut, and how many got a higher degree.
     """
 
     method: str
@@ -50,6 +54,9 @@ class Pass:
     iterations: int
     seconds: float
     status: Status
+    degrees: tuple[int, ...] = ()
+    cut: int = 0
+    raised: int = 0
 
 
 @dataclass(eq=False, repr=False)
@@ -80,6 +87,8 @@ class Solution:
         The trajectory between the knots.
     mesh : (N+1,) array
         Knots as shares of the duration.
+    degrees : tuple of int
+        Degree of every segment; empty where the method has a fixed one.
     history : list of dict
         One record per iteration of the last pass.
     passes : list of Pass
@@ -106,6 +115,7 @@ class Solution:
     solver: str
     interpolant: Interpolant
     mesh: FloatArray
+    degrees: tuple[int, ...] = ()
     history: list[dict[str, float]] = field(default_factory=list)
     passes: list[Pass] = field(default_factory=list)
     violations: list[Violation] = field(default_factory=list)
