@@ -45,7 +45,7 @@ def make_grids(phases: int | None, segments: Any, degree: Any) -> list[Grid]:
         return [Grid(make_mesh(segments), degree)]
     meshes = list(segments) if _one_each(segments, phases) else [segments] * phases
     degrees = [degree] * phases
-    if np.ndim(degree) or isinstance(degree, (list, tuple)):
+    if isinstance(degree, (list, tuple, np.ndarray)):
         degrees = list(degree)
         if len(degrees) != phases:
             raise ArgumentError(
@@ -60,4 +60,5 @@ def _one_each(segments: Any, phases: int) -> bool:
     if not isinstance(segments, (list, tuple)) or len(segments) != phases:
         return False
     numbers = (int, np.integer)
-    return all(np.ndim(s) or (isinstance(s, numbers) and s > 0) for s in segments)
+    lists = (list, tuple, np.ndarray)
+    return all(isinstance(s, lists) or (isinstance(s, numbers) and s > 0) for s in segments)

@@ -4,8 +4,10 @@ A segment whose error is above the tolerance is smooth or not. The Legendre coef
 function fall like exp(-σ j): after Mavriplis (1994) the degree is raised where σ > 1, and the
 segment cut where the coefficients fall more slowly, as they do at a switch of the control. Liu,
 Hager and Rao (2018) use the same rates for optimal control: since the error of degree n falls like
-exp(-σ n), it is raised by log(error / tolerance) / σ. From Patterson, Hager and Rao (2015) comes
-the limit: where that would lead beyond the highest degree, the segment is cut.
+exp(-σ n), it is raised by log(error / tolerance) / σ. As in Patterson, Hager and Rao (2015) a
+segment that has reached the highest degree is cut. Few coefficients say little, so a rate that was
+measured counts too: where a segment had a lower degree in the pass before, σ is at most the
+logarithm of the ratio of both errors by the difference of the degrees.
 
 References
 ----------
@@ -20,7 +22,7 @@ rates of Legendre polynomial coefficients", IEEE Transactions on Control Systems
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -31,7 +33,14 @@ from numpy.typing import NDArray
 from trajopt.collocation.grids import Grid
 from trajopt.collocation.solution import Solution
 
-__all__ = ["Step", "decay_rate", "equal_parts", "refine_orthogonal"]
+__all__ = [
+    "Step",
+    "decay_rate",
+    "equal_parts",
+    "measured_rates",
+    "refine_orthogonal",
+    "relative_error",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +49,7 @@ SMOOTH = 1.0
 # Beyond this degree more segments are cheaper than higher polynomials: the blocks are dense.
 HIGHEST_DEGREE = 16
 # With one segment the user asked for a global polynomial, which may grow further before it is cut.
-HIGHEST_GLOBAL_DEGREE = 64
+HIGHEST_GLOBAL_DEGREE = 96
 # The degree of one segment grows by at most so much in a pass: rates are estimates.
 MOST_RAISED = 6
 # A segment is cut into at most so many (Kelly, figure 7).
@@ -87,6 +96,7 @@ def refine_orthogonal(
     tolerance: float,
     lowest: int,
     points_of: Callable[[int], FloatArray],
+    measured: Mapping[tuple[float, float], float],
 ) -> Step:
     """Return the grid in which every segment with too large an error is cut or of higher degree.
 
@@ -100,6 +110,8 @@ def refine_orthogonal(
         Degree of the parts of a segment that is not smooth.
     points_of : callable
         Degree -> collocation points in [0, 1].
+    measured : dict
+        Ends of segments -> rate measured there.
     """
     if solution.segments == 1:
         return _refine_global(solution)
@@ -115,11 +127,12 @@ def refine_orthogonal(
         wrong = np.flatnonzero(solution.error[k] / size > tolerance)
         count = degree + series.shape[1] - max(solution.degrees)
         rate = min(decay_rate(series[k, :count, i]) for i in wrong)
-        needed = np.ceil(np.log(error[k] / tolerance) / rate)
-        if rate >= SMOOTH and degree + needed <= HIGHEST_DEGREE:
+        rate = min(rate, measured.get((begin, end), np.inf))
+        if rate >= SMOOTH and degree < HIGHEST_DEGREE:
+            needed = np.ceil(np.log(error[k] / tolerance) / rate)
             raised += 1
             knots.append(end)
-            degrees.append(degree + int(np.clip(needed, 1, MOST_RAISED)))
+            degrees.append(min(degree + int(np.clip(needed, 1, MOST_RAISED)), HIGHEST_DEGREE))
             continue
         cut += 1
         if rate >= SMOOTH:
@@ -135,13 +148,36 @@ def refine_orthogonal(
     return Step(Grid(np.array(knots), tuple(degrees)), cut, raised)
 
 
+def relative_error(solution: Solution) -> FloatArray:
+    """Return the error of every segment (N,): the worst state, relative to 1 + max |x|."""
+    size = 1.0 + np.abs(solution.x).max(axis=0)
+    return np.asarray((solution.error / size).max(axis=1), dtype=np.float64)
+
+
+def measured_rates(before: Solution, after: Solution) -> dict[tuple[float, float], float]:
+    """Return σ of exp(-σ n) from the errors of segments whose degree n is another than before."""
+    found, errors = {}, relative_error(after)
+    known = dict(
+        zip(
+            pairwise(before.mesh),
+            zip(before.degrees, relative_error(before), strict=True),
+            strict=True,
+        )
+    )
+    for ends, degree, error in zip(pairwise(after.mesh), after.degrees, errors, strict=True):
+        lower, earlier = known.get(ends, (degree, error))
+        if lower < degree and error > 0:
+            found[ends] = float(np.log(earlier / error) / (degree - lower))
+    return found
+
+
 def _refine_global(solution: Solution) -> Step:
     """Return one segment of a degree half as high again, or, at the highest, equal parts of it."""
     degree = solution.degrees[0]
     if degree < HIGHEST_GLOBAL_DEGREE:
         higher = min(degree + max(4, degree // 2), HIGHEST_GLOBAL_DEGREE)
         return Step(Grid(solution.mesh, (higher,)), raised=1)
-    parts = HIGHEST_GLOBAL_DEGREE // HIGHEST_DEGREE
+    parts = max(HIGHEST_GLOBAL_DEGREE // HIGHEST_DEGREE, 2)
     return Step(Grid(np.linspace(0.0, 1.0, parts + 1), (HIGHEST_DEGREE,) * parts), cut=1)
 
 

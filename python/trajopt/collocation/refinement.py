@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.collocation.grids import Grid
-from trajopt.collocation.hp import Step, equal_parts, refine_orthogonal
+from trajopt.collocation.hp import (
+    Step,
+    equal_parts,
+    measured_rates,
+    refine_orthogonal,
+    relative_error,
+)
 from trajopt.collocation.phases import MultiPhaseSolution
 from trajopt.collocation.solution import Solution
 from trajopt.collocation.transcriptions import DEGREE, make_transcription
@@ -24,12 +30,6 @@ Found = Solution | MultiPhaseSolution
 Once = Callable[[Sequence[Grid], Mapping[str, Any], Found | None], Found]
 # Grids of what the user gives as segments, and of settings with a degree.
 Grids = Callable[[Any, Mapping[str, Any]], list[Grid]]
-
-
-def relative_error(solution: Solution) -> FloatArray:
-    """Return the error of every segment (N,): the worst state, relative to 1 + max |x|."""
-    size = 1.0 + np.abs(solution.x).max(axis=0)
-    return np.asarray((solution.error / size).max(axis=1), dtype=np.float64)
 
 
 def run_schedule(
@@ -69,15 +69,17 @@ def refine_automatically(
     Each phase is refined by its own error; one that is below the tolerance keeps its mesh.
     """
     lowest = [_lowest(grid) for grid in grids]
-    found = once(grids, settings, None)
+    found, before = once(grids, settings, None), None
     for _ in range(most):
         if not found.converged or _worst(found) <= tolerance:
             break
+        olds = [None] * len(lowest) if before is None else _phases(before)
         steps = [
-            next_grid(phase, settings, tolerance, low)
-            for phase, low in zip(_phases(found), lowest, strict=True)
+            next_grid(phase, settings, tolerance, low, old)
+            for phase, low, old in zip(_phases(found), lowest, olds, strict=True)
         ]
-        found = _joined(found, once([step.grid for step in steps], settings, found), steps)
+        before = found
+        found = _joined(before, once([step.grid for step in steps], settings, before), steps)
     worst = _worst(found)
     if found.converged and worst > tolerance:
         found.message += f"; error {worst:.1e} still above refine = {tolerance:g}"
@@ -87,11 +89,16 @@ def refine_automatically(
 
 
 def next_grid(
-    solution: Solution, settings: Mapping[str, Any], tolerance: float, lowest: int = DEGREE
+    solution: Solution,
+    settings: Mapping[str, Any],
+    tolerance: float,
+    lowest: int = DEGREE,
+    before: Solution | None = None,
 ) -> Step:
     """Return a finer grid for one phase: segments cut, or their degree raised.
 
-    `lowest` is the degree of the parts of a segment that is cut because it is not smooth.
+    `lowest` is the degree of the parts of a segment that is cut because it is not smooth, and
+    `before` the solution of the pass before.
     """
     error = relative_error(solution)
     if error.max() <= tolerance:
@@ -102,7 +109,8 @@ def next_grid(
             method = make_transcription(solution.method, n, settings.get("points"))
             return np.array(method.points)
 
-        return refine_orthogonal(solution, error, tolerance, lowest, points)
+        measured = {} if before is None else measured_rates(before, solution)
+        return refine_orthogonal(solution, error, tolerance, lowest, points, measured)
     transcription = make_transcription(
         solution.method, None, settings.get("points"), settings.get("substeps")
     )
@@ -134,17 +142,16 @@ def _joined(before: Found | None, after: Found, steps: Sequence[Step] | None) ->
     """Return `after` with the passes of both, the last with what was refined for it."""
     if before is None:
         return after
-    pairs = list(zip(_phases(before), _phases(after), strict=True))
-    for k, (old, new) in enumerate(pairs):
+    for k, (old, new) in enumerate(zip(_phases(before), _phases(after), strict=True)):
         entry = new.passes[-1]
         if steps is not None:
             entry = replace(entry, cut=steps[k].cut, raised=steps[k].raised)
         new.passes = [*old.passes, entry]
-    if not isinstance(after, Solution):
-        pairs.append((before, after))
-    for old, new in pairs:
         new.iterations += old.iterations
         new.seconds += old.seconds
+    if isinstance(after, MultiPhaseSolution):
+        after.iterations += before.iterations
+        after.seconds += before.seconds
     return after
     for k, (old, new) in enumerate(zip(_phases(before), _phases(after), strict=True)):
         entry = new.passes[-1]
