@@ -18,9 +18,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import select
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +53,7 @@ TOOLS = {
     "drake_snopt": ("Drake, SNOPT", "drake", "the same"),
 }
 # A library whose cold start took longer than this on a smaller mesh is not asked for a larger one.
-PATIENCE_MS = 12e3
+PATIENCE_MS = 5e3
 MUST_COLD_MS = 60.0
 
 
@@ -64,6 +66,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--tools", nargs="+", choices=list(TOOLS), default=list(TOOLS))
     parser.add_argument("--python", nargs="+", default=[], metavar="TOOL=PATH")
     parser.add_argument("--seconds", type=float, default=20.0, help="per case and tool")
+    parser.add_argument("--patience", type=float, default=300.0, help="seconds for one answer")
     parser.add_argument("--part", choices=["solvers", "peers", "both"], default="both")
     parser.add_argument("--results", type=Path, default=RESULT)
     parser.add_argument("--docs", action="store_true", help="write the tables into the docs")
@@ -81,7 +84,7 @@ def main(arguments: list[str]) -> None:
     if options.part != "solvers":
         pythons = dict(entry.split("=", 1) for entry in options.python)
         document.setdefault("versions", {})
-        peers(document, options.only, options.tools, pythons, options.rounds, options.seconds)
+        peers(document, pythons, options)
     order = list(CASES)
     document["rows"].sort(key=lambda row: order.index(row["name"]))
     document["peers"].sort(
@@ -190,7 +193,8 @@ def ipopt_call(nlp: Any, expand: bool) -> tuple[Any, Any, float]:
 class Worker:
     """A library in a process of its own."""
 
-    def __init__(self, tool: str, python: str) -> None:
+    def __init__(self, tool: str, python: str, patience: float) -> None:
+        self.patience = patience
         self.process = subprocess.Popen(
             [python, str(FOLDER / "worker.py"), tool],
             stdin=subprocess.PIPE,
@@ -208,41 +212,40 @@ class Worker:
 
     def _read(self) -> dict[str, Any]:
         assert self.process.stdout
+        if not select.select([self.process.stdout], [], [], self.patience)[0]:
+            self.process.kill()
+            return {"failed": f"stopped after {self.patience:.0f} s"}
         line = self.process.stdout.readline()
         return dict(json.loads(line)) if line else {"failed": "the process ended"}
 
     def close(self) -> None:
         assert self.process.stdin
-        self.process.stdin.close()
+        with suppress(BrokenPipeError):  # of a process that was stopped
+            self.process.stdin.close()
         self.process.wait()
 
 
-def peers(
-    document: dict[str, Any],
-    names: list[str],
-    tools: list[str],
-    pythons: dict[str, str],
-    rounds: int,
-    seconds: float,
-) -> None:
+def peers(document: dict[str, Any], pythons: dict[str, str], options: Any) -> None:
     rows = document["peers"]
-    for name in names:
+    for name in options.only:
         which, segments, _ = CASES[name]
         workers: dict[str, Worker] = {}
         replies: dict[str, list[dict[str, Any]]] = {}
-        for tool in tools:
+        for tool in options.tools:
             row = {"name": name, "tool": tool, "lines": lines(tool)}
             slow = [
                 r for r in rows
-                if r["tool"] == tool and r["name"] != name and r.get("cold_ms", 0) > PATIENCE_MS
+                if r["tool"] == tool and r["name"] != name
+                and (r.get("cold_ms", 0) > PATIENCE_MS or "stopped" in r.get("failed", ""))
                 and CASES[r["name"]][0] == which and CASES[r["name"]][1] < segments
             ]  # fmt: skip
             if slow:
-                reason = f"not run: {slow[0]['cold_ms'] / 1e3:.0f} s for {slow[0]['name']}"
+                known = slow[0].get("failed") or f"{slow[0]['cold_ms'] / 1e3:.0f} s"
+                reason = f"not run ({known} on {CASES[slow[0]['name']][1]} segments)"
                 replace(rows, row | {"failed": reason}, ("name", "tool"))
                 continue
             base = tool.partition("_")[0]
-            worker = Worker(tool, pythons.get(base, sys.executable))
+            worker = Worker(tool, pythons.get(base, sys.executable), options.patience)
             if "versions" not in worker.hello:
                 reason = worker.hello.get("missing", worker.hello.get("failed"))
                 text = f"missing: pip install {TOOLS[tool][1]} ({reason})"
@@ -252,9 +255,9 @@ def peers(
             document["versions"][base] = worker.hello["versions"]
             workers[tool], replies[tool] = worker, []
         spent = dict.fromkeys(workers, 0.0)
-        for turn in range(rounds):
+        for turn in range(options.rounds):
             for tool, worker in workers.items():
-                if turn and (spent[tool] > seconds or "failed" in replies[tool][-1]):
+                if turn and (spent[tool] > options.seconds or "failed" in replies[tool][-1]):
                     continue
                 began = time.perf_counter()
                 reply = worker.ask(problem=which, segments=segments, first=turn == 0)
@@ -314,7 +317,7 @@ def solver_table(document: dict[str, Any]) -> str:
 
 def peer_table(document: dict[str, Any]) -> str:
     out = [
-        "| | library | solver call | native is | from nothing | first time | iterations "
+        "| | library | solver call | by native's | from nothing | first time | iterations "
         "| objective | off by |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
@@ -330,7 +333,7 @@ def peer_table(document: dict[str, Any]) -> str:
             count = "" if row["iterations"] is None else str(row["iterations"])
             cells += [
                 milliseconds(row["solver_ms"]),
-                "" if row is ours or not faster else f"{faster:.1f}× as fast",
+                "" if row is ours or not faster else f"{faster:.1f}×",
                 milliseconds(row["cold_ms"]),
                 milliseconds(row["first_cold_ms"]),
                 count,
@@ -399,3 +402,7 @@ def write_docs(document: dict[str, Any]) -> None:
         raise SystemExit(f"{PAGE} lacks the markers {begin} and {end}")
     machine = f"{describe(document['environment'])}, one core."
     PAGE.write_text(before + "\n\n".join([begin, machine, tables(document), end]) + after)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -13,7 +13,7 @@ from typing import Any
 
 import five_link_biped as walker
 from pydrake.multibody.tree import RotationalInertia
-from pydrake.solvers import SnoptSolver
+from pydrake.solvers import CommonSolverOption, SnoptSolver
 
 SOLVER = "ipopt"
 # user code: begin
@@ -161,7 +161,7 @@ def iterations(program: Any) -> int | None:
             IpoptSolver().Solve(program, None, options)
             pattern = r"Number of Iterations\.*: *(\d+)"
         else:
-            options.SetOption(SnoptSolver.id(), "Print file", path)
+            options.SetOption(CommonSolverOption.kPrintFileName, path)
             SnoptSolver().Solve(program, None, options)
             pattern = r"No\. of major iterations *(\d+)"
         match = re.search(pattern, Path(path).read_text(errors="replace"))
