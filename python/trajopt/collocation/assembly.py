@@ -133,6 +133,12 @@ class Assembly(Layout):
                 low = np.where(used, phase.h_bounds[0][i], -np.inf)
                 high = np.where(used, phase.h_bounds[1][i], np.inf)
                 rows.append((label, values[i], low, high, 1.0))
+        values = phase.at_start(begin, x[0.0], u.get(0.0, 0.0), parameters)
+        there = np.arange(self.segments) == first
+        for i in range(values.shape[0]):
+            low = np.where(there, phase.start_bounds[0][i], -np.inf)
+            high = np.where(there, phase.start_bounds[1][i], np.inf)
+            rows.append((f"{part.prefix}at_start[{i}]", values[i], low, high, 1.0))
         # A copy is tied to the node where the phase begins; on all others the row is free.
         tie = np.where(np.arange(self.segments) == first, 0.0, np.inf)
         for k, i in enumerate(where["copied"]):
@@ -171,6 +177,13 @@ class Assembly(Layout):
                 names += [f"{part.prefix}path[{i}]" for i in chosen]
                 lower += list(phase.h_bounds[0][chosen])
                 upper += list(phase.h_bounds[1][chosen])
+            if phase.at_end.numel_out(0):
+                u = w[self._columns[index]["u", 0.0]]
+                values = phase.at_end(tf, xf, u, parameters)
+                rows += [values[i] for i in range(values.shape[0])]
+                names += [f"{part.prefix}at_end[{i}]" for i in range(values.shape[0])]
+                lower += list(phase.end_bounds[0])
+                upper += list(phase.end_bounds[1])
             values = phase.g(t0, tf, x0, xf, parameters)
             rows += [values[i] for i in range(values.shape[0])]
             names += [f"{part.prefix}boundary[{i}]" for i in range(values.shape[0])]
@@ -225,6 +238,31 @@ class Assembly(Layout):
         x = self.states(index, w)
         mayer = self.parts[index].phase.terminal(t0, tf, x[0], x[-1], self.parameters(index, p))
         return float(casadi.sum2(integral)) + float(mayer)
+
+    def costates(
+        self, index: int, w: FloatArray, p: FloatArray, multipliers: FloatArray
+    ) -> FloatArray:
+        """Return ∂(cost to go)/∂x at the knots of a phase (n, nx), from the multipliers.
+
+        The Lagrangian of the segment before a knot falls with the state there as fast as that of
+        the rest grows. At the start only the rest is there.
+        """
+        v, v_next = casadi.SX.sym("w", self._width), casadi.SX.sym("w_next", self._width)
+        q, s = casadi.SX.sym("p", len(p)), casadi.SX.sym("s", self.nlp.s.shape[1])
+        y = casadi.SX.sym("y", multipliers.shape[1])
+        cost, c = self.nlp.stage(v, v_next, q, s)
+        total = cost + casadi.dot(y, c)
+        where = self._columns[index]["x", 0.0]
+        ends = [casadi.gradient(total, each)[where] for each in (v, v_next)]
+        slopes = casadi.Function("slopes", [v, v_next, q, s, y], ends)
+        copies = [f"{self.parts[index].prefix}copy of" in name for name in self.nlp.names.stage]
+        known = np.where(copies, 0.0, multipliers)
+        stages = self.segments
+        begin, end = slopes.map(stages)(
+            w[:-1].T, w[1:].T, np.tile(p[:, None], (1, stages)), self.nlp.s[:-1].T, known.T
+        )
+        first = self.first[index]
+        return np.vstack([begin.full().T[first : first + 1], -end.full().T[first:]])
 
     def interpolant(self, index: int, w: FloatArray, p: FloatArray) -> Interpolant:
         """Return the trajectory of a phase between its knots."""

@@ -94,6 +94,10 @@ class Layout:
                         columns[kind, c] = slice(width, width + size)
                         width += size
             self._columns.append(columns)
+            if part.phase.at_start.numel_out(0) and ("u", 0.0) not in columns:
+                raise _no_control("at_start")
+            if part.phase.at_end.numel_out(0) and not method.shared_end:
+                raise _no_control("at_end")
         self._width = width
         self._collect_globals()
 
@@ -184,10 +188,7 @@ class Layout:
                 if there:
                     lower[node, columns["u", 0.0]], upper[node, columns["u", 0.0]] = limits
                 elif not all(np.array_equal(a, b) for a, b in zip(limits, phase.u, strict=True)):
-                    raise ArgumentError(
-                        f"solve: {name} needs a method with a control at that end; "
-                        "legendre with points='lobatto' is one"
-                    )
+                    raise _no_control(name)
         return lower, upper
 
     def _guess(self) -> FloatArray:
@@ -275,6 +276,13 @@ def _free_times(part: Part) -> list[tuple[str, tuple[float, float], float]]:
     if first < last:
         return [("tf", (max(first, low), last), guess.tf)]
     return []
+
+
+def _no_control(name: str) -> ArgumentError:
+    return ArgumentError(
+        f"solve: {name} needs a method with a control at that end; "
+        "legendre with points='lobatto' is one"
+    )
 
 
 def _powers(bounds: tuple[FloatArray, FloatArray], values: FloatArray) -> FloatArray:

@@ -45,6 +45,9 @@ class Problem:
         ``lower <= h(t, x, u) <= upper`` along the whole path.
     boundary : (callable, lower, upper), optional
         ``lower <= g(t0, tf, x0, xf) <= upper``.
+    at_start, at_end : (callable, lower, upper), optional
+        ``lower <= h(t, x, u) <= upper`` at one end only, for conditions on the control there; the
+        method must have a collocation point at that end.
     x_bounds, u_bounds : (lower, upper), optional
         Bounds along the path: a number for all components, or one a component, None for none.
     x0_bounds, xf_bounds, u0_bounds, uf_bounds : (lower, upper), optional
@@ -96,6 +99,8 @@ class Problem:
     terminal: Callable[..., Any] | None = None
     path: tuple[Callable[..., Any], Any, Any] | None = None
     boundary: tuple[Callable[..., Any], Any, Any] | None = None
+    at_start: tuple[Callable[..., Any], Any, Any] | None = None
+    at_end: tuple[Callable[..., Any], Any, Any] | None = None
     x_bounds: Bounds | None = None
     u_bounds: Bounds | None = None
     x0_bounds: Bounds | None = None
@@ -126,6 +131,8 @@ class Problem:
         ends = (("t0", -1), ("tf", -1), ("x0", nx), ("xf", nx), ("p", count))
         g, g_bounds = self._constraint("boundary", ends, self._periods(names[0]))
         h, h_bounds = self._constraint("path", running, [])
+        at_start, start_bounds = self._constraint("at_start", running, [])
+        at_end, end_bounds = self._constraint("at_end", running, [])
         phase = Phase(
             nx=nx,
             nu=nu,
@@ -145,6 +152,10 @@ class Problem:
             uf=self._end("uf_bounds", "u_bounds", u, names[1]),
             p=self._pair("parameter_bounds", names[2]),
             h_bounds=h_bounds,
+            at_start=at_start,
+            at_end=at_end,
+            start_bounds=start_bounds,
+            end_bounds=end_bounds,
             g_bounds=g_bounds,
             x_names=names[0],
             u_names=names[1],

@@ -17,6 +17,7 @@ from trajopt.status import Status
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable
 
     from trajopt.collocation.problem import Problem
 
@@ -124,6 +125,7 @@ class Solution:
     u_names: tuple[str, ...] = ()
     result: dict[str, Any] = field(default_factory=dict)
     problem: Problem | None = None
+    adjoint: Callable[[], FloatArray] | None = None
 
     def __repr__(self) -> str:
         return (
@@ -167,6 +169,20 @@ class Solution:
         """Return ε(t) = ẋ(t) − f(t, x(t), u(t)) (Kelly, 5.3): (nx,) or (m, nx) [1/s]."""
         phase, p = self._stated("defect").phase, self.parameters
         return self._at(t, lambda times: dynamics_error(phase, self.interpolant, times, p))
+
+    def costates(self) -> FloatArray:
+        """Return λ = ∂(cost to go)/∂x at the knots (N+1, nx), as the multipliers have it.
+
+        What an indirect method starts from (Kelly, 9.11): along the solution λ' = -∂H/∂x and u
+        minimizes H = w + λ·f. Exact for the discrete problem, so as near to those of the
+        continuous one as the method is. Where a bound of a state holds, λ jumps, and this is its
+        value just before.
+        """
+        if self.adjoint is None:
+            raise ArgumentError(
+                "costates: a solution read from a file does not hold the multipliers"
+            )
+        return self.adjoint()
 
     def objective_along_path(self) -> float:
         """Return the objective integrated along the interpolated trajectory.

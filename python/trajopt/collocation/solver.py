@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from typing import Any, overload
 
@@ -152,6 +153,9 @@ def _solutions(
                 u_names=phase.u_names,
                 result=result,
                 problem=problem,
+                adjoint=partial(
+                    assembly.costates, index, w, p, np.asarray(result["multipliers"]["stage"])
+                ),
             )
         )
     return found

@@ -24,13 +24,15 @@ FAMILIES += [("chebyshev", None)]
 
 def cubic(**changes: Any) -> col.Problem:
     """Least ∫ (x² + u²)/2 under ẋ = u - x³ from x(0) = 1 over two seconds."""
-    return col.Problem(
-        dynamics=lambda t, x, u: [u[0] - x[0] ** 3],
-        nx=1,
-        nu=1,
-        objective=lambda t, x, u: 0.5 * (x[0] ** 2 + u[0] ** 2),
-        **{"tf": 2.0, "x0_bounds": (1, 1), **changes},
-    )
+    stated: dict[str, Any] = {
+        "dynamics": lambda t, x, u: [u[0] - x[0] ** 3],
+        "nx": 1,
+        "nu": 1,
+        "tf": 2.0,
+        "objective": lambda t, x, u: 0.5 * (x[0] ** 2 + u[0] ** 2),
+        "x0_bounds": (1, 1),
+    }
+    return col.Problem(**{**stated, **changes})
 
 
 def cubic_by_shooting() -> tuple[float, Any]:
