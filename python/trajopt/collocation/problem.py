@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -138,10 +139,10 @@ class Problem:
             nu=nu,
             np=count,
             f=trace("Problem", "dynamics", self.dynamics, running, nx),
-            w=trace("Problem", "objective", self.objective or _nothing, running, 1),
+            w=self._integrand("objective", running),
             h=h,
             g=g,
-            terminal=trace("Problem", "terminal", self.terminal or _nothing, ends, 1),
+            terminal=self._integrand("terminal", ends),
             t0=t0,
             tf=tf,
             x=x,
@@ -193,6 +194,13 @@ class Problem:
             )
         return bounds[0], bounds[1]
 
+    def _integrand(self, argument: str, inputs: tuple[tuple[str, int], ...]) -> Any:
+        """Return the trace of a function with one value, or of none."""
+        given = getattr(self, argument)
+        if given is None:
+            return _absent(argument, inputs, 1)
+        return trace("Problem", argument, given, inputs, 1)
+
     def _periods(self, names: Sequence[str]) -> list[int]:
         if isinstance(self.periodic, bool):
             return list(range(self.nx)) if self.periodic else []
@@ -204,10 +212,12 @@ class Problem:
         return chosen
 
     def _constraint(
-        self, argument: str, inputs: Sequence[tuple[str, int]], periods: list[int]
+        self, argument: str, inputs: tuple[tuple[str, int], ...], periods: list[int]
     ) -> tuple[Any, Pair]:
         """Trace a constraint; `periods` adds rows xf - x0 = 0 of these states."""
         given = getattr(self, argument)
+        if given is None and not periods:
+            return _absent(argument, inputs, 0), (np.zeros(0), np.zeros(0))
         if given is None:
             function, lower, upper = _no_rows, [], []
         else:
@@ -229,9 +239,10 @@ class Problem:
         return traced, (np.concatenate([low, zeros]), np.concatenate([high, zeros]))
 
 
-def _nothing(*values: Any) -> float:
-    del values
-    return 0.0
+@cache
+def _absent(argument: str, inputs: tuple[tuple[str, int], ...], rows: int) -> Any:
+    """Return the trace of a function that was not given: `rows` zeros."""
+    return trace("Problem", argument, lambda *_: [0.0] * rows, inputs, rows)
 
 
 def _no_rows(*values: Any) -> list[Any]:
