@@ -140,15 +140,18 @@ py::dict record(const ip::Record& r) {
   return d;
 }
 
-// Ctrl-C is a stop that keeps the iterate; any other signal handler's exception passes on.
-ip::Observer make_staged_observer(const py::object& function, int variables) {
-  return [function, variables](const ip::Record& r, const double* x) {
+// Ctrl-C is a stop that keeps the iterate, whether its handler raises KeyboardInterrupt or sets
+// `raised` of `interrupt`; any other signal handler's exception passes on.
+ip::Observer make_staged_observer(const py::object& function, const py::object& interrupt,
+                                  int variables) {
+  return [function, interrupt, variables](const ip::Record& r, const double* x) {
     const py::gil_scoped_acquire gil;
     if (PyErr_CheckSignals() != 0) {
       const py::error_already_set error;
       if (error.matches(PyExc_KeyboardInterrupt)) return false;
       throw error;
     }
+    if (!interrupt.is_none() && interrupt.attr("raised").cast<bool>()) return false;
     if (function.is_none()) return true;
     Array copy(variables);
     std::copy_n(x, variables, copy.mutable_data());
@@ -157,10 +160,17 @@ ip::Observer make_staged_observer(const py::object& function, int variables) {
   };
 }
 
+ip::BarrierRule parse_barrier_rule(const std::string& name) {
+  if (name == "monotone") return ip::BarrierRule::monotone;
+  if (name == "adaptive") return ip::BarrierRule::adaptive;
+  throw ArgumentError("barrier_rule = '" + name + "': expected monotone or adaptive");
+}
+
 py::dict solve_staged(const py::dict& given, const Array& x,
                       const std::optional<Array>& multipliers,
                       const std::optional<Array>& bound_multipliers, const py::object& observer,
-                      double tolerance, int max_iterations, double barrier, double bound_push,
+                      const py::object& interrupt, double tolerance, int max_iterations,
+                      double barrier, const std::string& barrier_rule, double bound_push,
                       bool warm_start, bool scale, int refinements, int threads,
                       const std::string& ordering) {
   ip::StagedProblem problem;
@@ -178,6 +188,7 @@ py::dict solve_staged(const py::dict& given, const Array& x,
   const ip::Options options{.tolerance = tolerance,
                             .max_iterations = max_iterations,
                             .barrier = barrier,
+                            .barrier_rule = parse_barrier_rule(barrier_rule),
                             .bound_push = bound_push,
                             .warm_start = warm_start,
                             .scale = scale,
@@ -187,7 +198,7 @@ py::dict solve_staged(const py::dict& given, const Array& x,
   ip::Point point{list(x), {}, {}};
   if (multipliers) point.multipliers = list(*multipliers);
   if (bound_multipliers) point.bound_multipliers = list(*bound_multipliers);
-  const ip::Observer watch = make_staged_observer(observer, problem.variables());
+  const ip::Observer watch = make_staged_observer(observer, interrupt, problem.variables());
   ip::Outcome outcome;
   {
     const py::gil_scoped_release release;
@@ -218,10 +229,11 @@ void register_interior_point(py::module_& m) {
       [](const py::dict& d, int copies, int threads) { tape(d, copies, threads)(); }, "tape"_a,
       "copies"_a, "threads"_a = 1, "Runs a tape once over the memory it names.");
   m.def("solve_staged", &solve_staged, "problem"_a, "x"_a, "multipliers"_a = py::none(),
-        "bound_multipliers"_a = py::none(), "observer"_a = py::none(), py::kw_only(),
-        "tolerance"_a = o.tolerance, "max_iterations"_a = o.max_iterations, "barrier"_a = o.barrier,
-        "bound_push"_a = o.bound_push, "warm_start"_a = o.warm_start, "scale"_a = o.scale,
-        "refinements"_a = o.refinements, "threads"_a = o.threads, "ordering"_a = "auto",
+        "bound_multipliers"_a = py::none(), "observer"_a = py::none(), "interrupt"_a = py::none(),
+        py::kw_only(), "tolerance"_a = o.tolerance, "max_iterations"_a = o.max_iterations,
+        "barrier"_a = o.barrier, "barrier_rule"_a = "monotone", "bound_push"_a = o.bound_push,
+        "warm_start"_a = o.warm_start, "scale"_a = o.scale, "refinements"_a = o.refinements,
+        "threads"_a = o.threads, "ordering"_a = "auto",
         "Interior point method for a staged nonlinear program; see trajopt.collocation.native.");
 }
 

@@ -8,6 +8,7 @@ namespace trajopt::interior_point {
 namespace {
 
 constexpr double kSigma = 1e10;
+constexpr double kDamping = 1e-5;  // kappa_d
 
 }  // namespace
 
@@ -50,7 +51,7 @@ void Bounds::push_inside(double* y, double push) const {
 
 double Bounds::log_barrier(const double* y) const {
   // Several distances share one logarithm; a product of eight stays far from over- and underflow.
-  double sum = 0.0, product = 1.0;
+  double sum = 0.0, product = 1.0, distances = 0.0;
   int factors = 0;
   const auto take = [&](double distance) {
     if (!(distance > 1e-30 && distance < 1e30)) {
@@ -67,14 +68,17 @@ double Bounds::log_barrier(const double* y) const {
   for (int i = 0; i < size(); ++i) {
     if (below(i)) take(y[i] - lower[i]);
     if (above(i)) take(upper[i] - y[i]);
+    if (kind_[i] == kLower) distances += y[i] - lower[i];
+    if (kind_[i] == kUpper) distances += upper[i] - y[i];
   }
-  return sum - std::log(product);
+  return sum - std::log(product) + kDamping * distances;
 }
 
 double barrier_gradient(const Bounds& b, const double* y, double mu, int i) {
   double g = 0.0;
   if (b.below(i)) g -= mu / (y[i] - b.lower[i]);
   if (b.above(i)) g += mu / (b.upper[i] - y[i]);
+  if (b.below(i) != b.above(i)) g += b.below(i) ? mu * kDamping : -mu * kDamping;
   return g;
 }
 

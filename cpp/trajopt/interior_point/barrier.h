@@ -21,7 +21,8 @@ class Bounds {
   // Moves y inside: at least push away from a bound, or that share of the gap between two [3.6].
   void push_inside(double* y, double push) const;
 
-  // -sum of log(distance to bound), for the barrier term.
+  // -sum of log(distance to bound), for the barrier term, and a slope that keeps what has one bound
+  // only from running away from it: + kappa_d times the distance [3.7].
   double log_barrier(const double* y) const;
 
   std::vector<double> lower, upper;
@@ -37,7 +38,7 @@ struct Iterate {
   std::vector<double> lambda;     // of the rows c(x) - s = 0
 };
 
-// d/dy of the barrier term: -mu / (y - lower) + mu / (upper - y).
+// d/dy of mu times log_barrier.
 double barrier_gradient(const Bounds& b, const double* y, double mu, int i);
 
 // Sigma = zl / (y - lower) + zu / (upper - y) (13).

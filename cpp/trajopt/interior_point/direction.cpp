@@ -67,12 +67,16 @@ bool Method::find_direction() {
   }
   if (delta_ > 0.0) delta_last_ = delta_;
   Stopwatch watch;
-  right_hand_side(now_.residual.data());
-  const double residual = kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(),
-                                     step_.dlambda.data(), options_.refinements);
-  complete_direction(step_);
+  bool solved;
+  if (free_) {
+    solved = find_free_direction();
+  } else {
+    right_hand_side(now_.residual.data());
+    solved = kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(), step_.dlambda.data());
+    complete_direction(step_);
+  }
   spent_.solve += watch.lap();
-  return std::isfinite(residual);
+  return solved;
 }
 
 }  // namespace trajopt::interior_point

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 
 #include "trajopt/base/error.h"
 #include "trajopt/interior_point/method.h"
@@ -36,7 +37,7 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
       m_(problem.rows()),
       bounds_(joined(problem.lower, problem.constraint_lower),
               joined(problem.upper, problem.constraint_upper)),
-      kkt_(problem_, options.ordering, options.threads),
+      kkt_(problem_, options.ordering, options.threads, options.refinements),
       filter_(std::min(options.max_iterations, kReserved) + 1),
       gradient_(n_ + m_),
       diagonal_(n_),
@@ -47,7 +48,8 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
       soc_(m_),
       saved_y_(n_ + m_),
       mu_(options.barrier),
-      tau_(std::max(kLeastTau, 1.0 - mu_)) {
+      tau_(std::max(kLeastTau, 1.0 - mu_)),
+      free_(options.barrier_rule == BarrierRule::adaptive && bounds_.count() > 0) {
   for (Iterate* it : {&it_, &saved_}) {
     for (auto* v : {&it->y, &it->zl, &it->zu}) v->resize(n_ + m_);
     it->lambda.resize(m_);
@@ -56,7 +58,9 @@ Method::Method(StagedProblem& problem, const Options& options, const Observer& o
     v->c.resize(m_);
     v->residual.resize(m_);
   }
-  for (Direction* d : {&step_, &corrected_}) {
+  errors_.fill(std::numeric_limits<double>::infinity());
+  for (Direction* d : {&step_, &corrected_, &affine_, &centering_}) {
+    if ((d == &affine_ || d == &centering_) && !free_) continue;
     for (auto* v : {&d->dy, &d->dzl, &d->dzu}) v->resize(n_ + m_);
     d->dlambda.resize(m_);
   }
@@ -127,17 +131,17 @@ double Method::user_violation() const {
   return most;
 }
 
-// Lowers mu while the barrier problem is solved well enough for it; true: the filter starts anew.
-bool Method::reduce_barrier() {
-  const double least = options_.tolerance / (kBarrierError + 1.0);
-  bool changed = false;
-  while (mu_ > least && (tiny_ || errors(mu_).total <= kBarrierError * mu_)) {
-    mu_ = std::max(least, std::min(kBarrierFactor * mu_, std::pow(mu_, kBarrierPower)));
-    tau_ = std::max(kLeastTau, 1.0 - mu_);
+double Method::least_barrier() const { return options_.tolerance / (kBarrierError + 1.0); }
+
+// Lowers mu while the barrier problem is solved well enough for it; then the filter starts anew.
+void Method::reduce_barrier() {
+  const double least = least_barrier();
+  double mu = mu_;
+  while (mu > least && (tiny_ || errors(mu).total <= kBarrierError * mu)) {
+    mu = std::max(least, std::min(kBarrierFactor * mu, std::pow(mu, kBarrierPower)));
     tiny_ = false;
-    changed = true;
   }
-  return changed;
+  if (mu < mu_) set_barrier(mu, std::max(kLeastTau, 1.0 - mu));
 }
 
 bool Method::report(const Errors& e) {
@@ -182,18 +186,56 @@ Outcome Method::finish(Status status, const std::string& message, Point& point) 
   return out;
 }
 
+// An end with the numbers that caused it.
+Outcome Method::stop(Status status, Point& point) {
+  char text[240] = "";
+  const double error = record_.error, violation = user_violation();
+  switch (status) {
+    case Status::solved:
+      std::snprintf(text, sizeof text, "optimality error %.2e <= %.2e after %d iterations", error,
+                    options_.tolerance, record_.iteration);
+      break;
+    case Status::max_iterations:
+      std::snprintf(text, sizeof text,
+                    "optimality error %.2e > %.2e, constraint violation %.2e after %d iterations",
+                    error, options_.tolerance, violation, record_.iteration);
+      break;
+    case Status::interrupted:
+      std::snprintf(text, sizeof text, "stopped by the observer at iteration %d",
+                    record_.iteration);
+      break;
+    case Status::infeasible:
+      std::snprintf(text, sizeof text,
+                    "the constraints cannot all be met: their violation, %.3e at most, has a "
+                    "local minimum here",
+                    violation);
+      break;
+    case Status::stalled:
+      std::snprintf(text, sizeof text,
+                    "no acceptable step left: optimality error %.2e > %.2e, constraint violation "
+                    "%.2e",
+                    error, options_.tolerance, violation);
+      break;
+    default:
+      std::snprintf(text, sizeof text, "derivatives are not finite at iteration %d",
+                    record_.iteration);
+  }
+  return finish(status, text, point);
+}
+
+// Derivatives at a point whose multipliers are not known yet.
+bool Method::differentiate_anew() {
+  if (!differentiate()) return false;
+  estimate_multipliers();
+  return differentiate();
+}
+
 Outcome Method::run(Point& point) {
   start(point);
-  char text[240];
-  if (!std::isfinite(now_.objective) || !differentiate()) {
+  const bool known = options_.warm_start && !point.multipliers.empty();
+  if (!std::isfinite(now_.objective) || !(known ? differentiate() : differentiate_anew())) {
     return finish(Status::numerical_failure,
                   "objective, constraints or derivatives are not finite at the start", point);
-  }
-  if (!options_.warm_start || point.multipliers.empty()) {
-    estimate_multipliers();
-    if (!differentiate()) {
-      return finish(Status::numerical_failure, "derivatives are not finite at the start", point);
-    }
   }
   if (!evaluate(it_.y.data(), now_)) {
     return finish(Status::numerical_failure, "the constraints are not finite at the start", point);
@@ -201,60 +243,32 @@ Outcome Method::run(Point& point) {
   theta_most_ = 1e4 * std::max(1.0, now_.theta);
   theta_least_ = 1e-4 * std::max(1.0, now_.theta);
   filter_.reset(theta_most_);
+  const bool adaptive = free_;
   for (;; ++record_.iteration) {
     gradient_of_lagrangian();
     const Errors e = errors(0.0);
-    if (!report(e)) {
-      std::snprintf(text, sizeof text, "stopped by the observer at iteration %d",
-                    record_.iteration);
-      return finish(Status::interrupted, text, point);
-    }
+    if (!report(e)) return stop(Status::interrupted, point);
     if (e.total <= options_.tolerance && user_violation() <= kUserViolation) {
-      std::snprintf(text, sizeof text, "optimality error %.2e <= %.2e after %d iterations", e.total,
-                    options_.tolerance, record_.iteration);
-      return finish(Status::solved, text, point);
+      return stop(Status::solved, point);
     }
-    if (record_.iteration >= options_.max_iterations) {
-      std::snprintf(text, sizeof text,
-                    "optimality error %.2e > %.2e, constraint violation %.2e after %d iterations",
-                    e.total, options_.tolerance, user_violation(), record_.iteration);
-      return finish(Status::max_iterations, text, point);
-    }
-    if (reduce_barrier()) {
-      filter_.reset(theta_most_);
-      now_.phi = now_.objective + mu_ * bounds_.log_barrier(it_.y.data());
-    }
+    if (record_.iteration >= options_.max_iterations) return stop(Status::max_iterations, point);
+    if (adaptive) choose_mode(e.total);
+    if (!free_) reduce_barrier();
     record_.restoration = false;
-    const bool found = find_direction();
+    Search result = find_direction() ? search() : Search::restore;
+    if (result != Search::accepted && free_) {
+      enter_monotone_mode();
+      result = find_direction() ? search() : Search::restore;
+    }
     record_.regularization = delta_;
-    Search result = found ? search() : Search::restore;
+    if (result == Search::failed) return stop(Status::stalled, point);
     if (result == Search::restore) {
-      const Restored restored = restore();
+      const Status restored = restore();
+      if (restored != Status::solved) return stop(restored, point);
       record_.restoration = true;
-      if (restored == Restored::infeasible) {
-        std::snprintf(text, sizeof text,
-                      "the constraints cannot all be met: their violation, %.3e at most, has a "
-                      "local minimum here",
-                      user_violation());
-        return finish(Status::infeasible, text, point);
-      }
-      if (restored == Restored::no) result = Search::failed;
     }
-    if (result == Search::failed) {
-      std::snprintf(text, sizeof text,
-                    "no acceptable step left: optimality error %.2e > %.2e, constraint violation "
-                    "%.2e",
-                    e.total, options_.tolerance, user_violation());
-      return finish(Status::stalled, text, point);
-    }
-    if (!differentiate()) {
-      return finish(Status::numerical_failure, "derivatives are not finite", point);
-    }
-    if (record_.restoration) {
-      estimate_multipliers();
-      if (!differentiate()) {
-        return finish(Status::numerical_failure, "derivatives are not finite", point);
-      }
+    if (!(record_.restoration ? differentiate_anew() : differentiate())) {
+      return stop(Status::numerical_failure, point);
     }
   }
 }

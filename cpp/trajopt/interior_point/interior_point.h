@@ -14,14 +14,17 @@
 
 namespace trajopt::interior_point {
 
+enum class BarrierRule { monotone, adaptive };
+
 struct Options {
   double tolerance = 1e-8;  // of the scaled optimality error E_0 (5)
   int max_iterations = 3000;
-  double barrier = 0.1;      // mu at the start
+  double barrier = 0.1;  // mu at the start
+  BarrierRule barrier_rule = BarrierRule::monotone;
   double bound_push = 1e-2;  // distance of the start from its bounds (kappa_1, kappa_2)
   bool warm_start = false;   // multipliers are given; push, multipliers and mu stay as they are
   bool scale = true;         // gradient-based scaling
-  int refinements = 4;       // of a step, at most
+  int refinements = 10;      // of a step, at most
   int threads = 1;
   linalg::Ordering ordering = linalg::Ordering::automatic;
 };
@@ -69,8 +72,7 @@ struct Outcome {
   std::vector<double> violation;  // by row, signed: positive above the upper bound
 };
 
-// From `point` and back into it. Nothing is allocated between the first and the last iteration
-// unless the KKT matrix has the wrong inertia.
+// From `point` and back into it. Nothing is allocated between the first and the last iteration.
 Outcome solve(StagedProblem& problem, const Options& options, Point& point,
               const Observer& observer = {});
 

@@ -1,23 +1,19 @@
 #include "trajopt/interior_point/kkt.h"
 
 #include <algorithm>
+#include <cfloat>
 #include <cmath>
 
-#include "trajopt/base/error.h"
-#include "trajopt/linalg/refinement.h"
 #include "trajopt/solver/stopwatch.h"
 
 namespace trajopt::interior_point {
 
 namespace {
 
-constexpr double kRefineTolerance = 1e-10;  // relative to the right-hand side
-
-double largest(const std::vector<double>& x) {
-  double most = 0.0;
-  for (double v : x) most = std::max(most, std::abs(v));
-  return most;
-}
+constexpr double kTolerance = 1e-10;    // of the residual, relative to the right-hand side
+constexpr double kRowTolerance = 1e-6;  // of the rows', relative to theirs, which may be small
+constexpr double kRowRounding = 1e-14;  // and to the step
+constexpr double kLeastGain = 0.02;     // share of the squared residual a correction must take away
 
 double largest(const double* x, int size) {
   double most = 0.0;
@@ -25,9 +21,23 @@ double largest(const double* x, int size) {
   return most;
 }
 
+// In four sums, each in order.
+double dot(const double* a, const double* b, int size) {
+  double s0 = 0.0, s1 = 0.0, s2 = 0.0, s3 = 0.0;
+  int i = 0;
+  for (; i + 4 <= size; i += 4) {
+    s0 += a[i] * b[i];
+    s1 += a[i + 1] * b[i + 1];
+    s2 += a[i + 2] * b[i + 2];
+    s3 += a[i + 3] * b[i + 3];
+  }
+  for (; i < size; ++i) s0 += a[i] * b[i];
+  return (s0 + s1) + (s2 + s3);
+}
+
 }  // namespace
 
-Kkt::Kkt(const ScaledProblem& problem, linalg::Ordering ordering, int threads)
+Kkt::Kkt(const ScaledProblem& problem, linalg::Ordering ordering, int threads, int refinements)
     : problem_(problem),
       variables_(problem.variables()),
       rows_(problem.rows()),
@@ -39,11 +49,13 @@ Kkt::Kkt(const ScaledProblem& problem, linalg::Ordering ordering, int threads)
       matrix_(nodes_, size_),
       diagonal_(variables_),
       weight_(rows_),
-      r1_(variables_),
-      r2_(rows_),
-      dx_(variables_),
-      dl_(rows_),
+      corrections_(refinements),
+      residual_(variables_ + rows_),
       rhs_(variables_) {
+  for (Correction& c : corrections_) {
+    c.z = std::make_unique_for_overwrite<double[]>(variables_ + rows_);
+    c.q = std::make_unique_for_overwrite<double[]>(variables_ + rows_);
+  }
   if (globals_ > 0) {
     bordered_ = std::make_unique<linalg::BorderedFactorization>(nodes_, size_, globals_, ordering);
     border_.resize(static_cast<std::size_t>(nodes_) * size_ * globals_);
@@ -129,21 +141,15 @@ bool Kkt::factor(const double* diagonal, const double* regularized, bool with_he
   for (int i = 0; i < rows_; ++i) weight_[i] = 1.0 / regularized[i];
   assemble(diagonal, with_hessian);
   assembly_seconds += watch.lap();
-  bool good = true;
-  try {
-    if (plain_) {
-      plain_->factor(matrix_, nullptr, 0.0, threads_);
-    } else {
-      bordered_->factor(matrix_, border_.data(), corner_.data(), nullptr, nullptr, 0.0, threads_);
-    }
-  } catch (const FactorizationError&) {
-    good = false;
-  }
+  const bool good = plain_ ? plain_->try_factor(matrix_, nullptr, 0.0, threads_)
+                           : bordered_->try_factor(matrix_, border_.data(), corner_.data(), nullptr,
+                                                   nullptr, 0.0, threads_);
   factorization_seconds += watch.lap();
   return good;
 }
 
-void Kkt::condensed_solve(const double* b1, const double* b2, double* dx, double* dl) {
+// Also J dx, which comes by the way.
+void Kkt::condensed_solve(const double* b1, const double* b2, double* dx, double* dl, double* jdx) {
   for (int i = 0; i < rows_; ++i) dl[i] = weight_[i] * b2[i];
   std::copy_n(b1, variables_, rhs_.data());
   problem_.add_jacobian_transposed_product(dl, rhs_.data());
@@ -156,42 +162,72 @@ void Kkt::condensed_solve(const double* b1, const double* b2, double* dx, double
     bordered_->solve(rhs_.data(), rhs_.data() + nodes_ * size_, 1, threads_);
   }
   std::copy_n(rhs_.data(), variables_, dx);
-  for (int i = 0; i < rows_; ++i) dl[i] = -b2[i];
-  problem_.add_jacobian_product(dx, dl);
-  for (int i = 0; i < rows_; ++i) dl[i] *= weight_[i];
+  std::fill_n(jdx, rows_, 0.0);
+  problem_.add_jacobian_product(dx, jdx);
+  for (int i = 0; i < rows_; ++i) dl[i] = weight_[i] * (jdx[i] - b2[i]);
 }
 
-double Kkt::residual(const double* b1, const double* b2, const double* e, const double* dx,
-                     const double* dl) {
-  std::fill(r1_.begin(), r1_.end(), 0.0);
-  problem_.add_jacobian_transposed_product(dl, r1_.data());
-  if (with_hessian_) problem_.add_hessian_product(dx, r1_.data());
+// y = (K dx + J^T dl, J dx - E dl) where y2 is J dx at entry.
+void Kkt::product(const double* e, const double* dx, const double* dl, double* y1,
+                  double* y2) const {
+  for (int i = 0; i < variables_; ++i) y1[i] = diagonal_[i] * dx[i];
+  problem_.add_jacobian_transposed_product(dl, y1);
+  if (with_hessian_) problem_.add_hessian_product(dx, y1);
   for (int i = 0; i < variables_; ++i) {
-    r1_[i] = problem_.pinned(i) ? 0.0 : b1[i] - r1_[i] - diagonal_[i] * dx[i];
+    if (problem_.pinned(i)) y1[i] = 0.0;
   }
-  std::fill(r2_.begin(), r2_.end(), 0.0);
-  problem_.add_jacobian_product(dx, r2_.data());
-  for (int i = 0; i < rows_; ++i) r2_[i] = b2[i] - r2_[i] + e[i] * dl[i];
-  return std::max(largest(r1_), largest(r2_));
+  for (int i = 0; i < rows_; ++i) y2[i] -= e[i] * dl[i];
 }
 
-double Kkt::solve(const double* b1, const double* b2, const double* e, double* dx, double* dl,
-                  int max_steps) {
-  condensed_solve(b1, b2, dx, dl);
-  const double size = std::max(largest(b1, variables_), largest(b2, rows_));
-  const double scale = size > 0.0 ? 1.0 / size : 1.0;
-  const auto result = linalg::refine_loop(
-      max_steps, kRefineTolerance, [&] { return scale * residual(b1, b2, e, dx, dl); },
-      [&] {
-        condensed_solve(r1_.data(), r2_.data(), dx_.data(), dl_.data());
-        for (int i = 0; i < variables_; ++i) dx[i] += dx_[i];
-        for (int i = 0; i < rows_; ++i) dl[i] += dl_[i];
-      },
-      [&] {
-        for (int i = 0; i < variables_; ++i) dx[i] -= dx_[i];
-        for (int i = 0; i < rows_; ++i) dl[i] -= dl_[i];
-      });
-  return result.residual;
+// Adds the step-th correction; false: the residual did not get much smaller.
+bool Kkt::correct(int step, const double* e, const Weights& w, double* dx, double* dl) {
+  const int size = variables_ + rows_;
+  Correction& c = corrections_[step];
+  double *r = residual_.data(), *z = c.z.get(), *q = c.q.get();
+  const auto product_of = [&](const double* a, const double* b) {
+    return w.x * w.x * dot(a, b, variables_) +
+           w.rows * w.rows * dot(a + variables_, b + variables_, rows_);
+  };
+  condensed_solve(r, r + variables_, z, z + variables_, q + variables_);
+  product(e, z, z + variables_, q, q + variables_);
+  for (int j = 0; j < step; ++j) {
+    const Correction& before = corrections_[j];
+    const double share = product_of(q, before.q.get()) * before.inverse;
+    for (int i = 0; i < size; ++i) {
+      q[i] -= share * before.q[i];
+      z[i] -= share * before.z[i];
+    }
+  }
+  const double squared = product_of(q, q), along = product_of(r, q);
+  if (!(squared > 0.0)) return false;
+  c.inverse = 1.0 / squared;
+  const double share = along * c.inverse, before = product_of(r, r);
+  for (int i = 0; i < size; ++i) r[i] -= share * q[i];
+  for (int i = 0; i < variables_; ++i) dx[i] += share * z[i];
+  for (int i = 0; i < rows_; ++i) dl[i] += share * z[variables_ + i];
+  return share * along > kLeastGain * before;
+}
+
+bool Kkt::solve(const double* b1, const double* b2, const double* e, double* dx, double* dl) {
+  double* r1 = residual_.data();
+  double* r2 = r1 + variables_;
+  condensed_solve(b1, b2, dx, dl, r2);
+  product(e, dx, dl, r1, r2);
+  for (int i = 0; i < variables_; ++i) r1[i] = problem_.pinned(i) ? 0.0 : b1[i] - r1[i];
+  for (int i = 0; i < rows_; ++i) r2[i] = b2[i] - r2[i];
+  const double size2 = largest(b2, rows_);
+  const double target1 = kTolerance * std::max({largest(b1, variables_), size2, DBL_MIN});
+  const double target2 = std::max(
+      {kRowRounding * largest(dx, variables_), std::min(target1, kRowTolerance * size2), DBL_MIN});
+  const Weights w{1.0 / target1, 1.0 / target2};
+  const auto error = [&] {
+    return std::max(w.x * largest(r1, variables_), w.rows * largest(r2, rows_));
+  };
+  const int most = static_cast<int>(corrections_.size());
+  for (int step = 0; step < most && error() > 1.0; ++step) {
+    if (!correct(step, e, w, dx, dl)) break;
+  }
+  return std::isfinite(error());
 }
 
 }  // namespace trajopt::interior_point

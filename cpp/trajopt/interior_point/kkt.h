@@ -11,6 +11,11 @@
 // definite for every small enough epsilon, whatever the signs of K. So a Cholesky factorization of
 // M that succeeds proves the inertia the method needs, one that fails asks for more
 // regularization, and epsilon is taken out again by refinement against the equations above.
+//
+// Refinement by itself shrinks the residual of a row in steps of epsilon / (epsilon + sigma), sigma
+// the eigenvalues of J K^-1 J^T + E: hardly at all where a row is met by weak unknowns only. So the
+// corrections are combined as generalized conjugate residuals (Eisenstat, Elman and Schultz 1983):
+// each is made orthogonal to those before and gets the length that leaves the least residual.
 #pragma once
 
 #include <memory>
@@ -23,25 +28,28 @@ namespace trajopt::interior_point {
 
 class Kkt {
  public:
-  Kkt(const ScaledProblem& problem, linalg::Ordering ordering, int threads);
+  Kkt(const ScaledProblem& problem, linalg::Ordering ordering, int threads, int refinements);
 
   // Assembles and factors M from the problem's current derivatives; H is left out unless
   // `with_hessian`. regularized: E + epsilon, by row, positive. False: M is not positive definite.
   bool factor(const double* diagonal, const double* regularized, bool with_hessian);
 
-  // Solves for the exact E; returns the residual relative to the right-hand side after at most
-  // max_steps refinements. Entries of pinned variables are ignored and come out as zero.
-  double solve(const double* b1, const double* b2, const double* e, double* dx, double* dl,
-               int max_steps);
+  // Solves for the exact E with as many corrections as it takes, at most `refinements`; false: the
+  // result is not finite. Entries of pinned variables are ignored and come out as zero.
+  bool solve(const double* b1, const double* b2, const double* e, double* dx, double* dl);
 
   double assembly_seconds = 0.0, factorization_seconds = 0.0;
 
  private:
+  struct Weights {
+    double x, rows;  // 1 / what the residual may be
+  };
+
   void assemble(const double* diagonal, bool with_hessian);
   void add_copy(const ScaledProblem::Terms& terms, int k, bool with_hessian);
-  void condensed_solve(const double* b1, const double* b2, double* dx, double* dl);
-  double residual(const double* b1, const double* b2, const double* e, const double* dx,
-                  const double* dl);
+  void condensed_solve(const double* b1, const double* b2, double* dx, double* dl, double* jdx);
+  void product(const double* e, const double* dx, const double* dl, double* y1, double* y2) const;
+  bool correct(int step, const double* e, const Weights& w, double* dx, double* dl);
 
   const ScaledProblem& problem_;
   int variables_, rows_, nodes_, size_, globals_, threads_;
@@ -58,7 +66,14 @@ class Kkt {
     linalg::BlockBuffer hessian, jacobian, weighted, share;
   };
   Local local_[3];
-  std::vector<double> r1_, r2_, dx_, dl_, rhs_;
+  // A correction z, q = what the matrix makes of it, and 1 / (q, q); (x, rows) in one vector, whose
+  // pages nobody touches before they are needed.
+  struct Correction {
+    std::unique_ptr<double[]> z, q;
+    double inverse = 0.0;
+  };
+  std::vector<Correction> corrections_;
+  std::vector<double> residual_, rhs_;
 };
 
 }  // namespace trajopt::interior_point

@@ -62,17 +62,22 @@ bool Method::acceptable(const Values& trial, double alpha, double slope, bool& a
          not_above(trial.phi, now_.phi - kGammaPhi * now_.theta, now_.phi);
 }
 
-void Method::accept(const Direction& d, double alpha, bool augment) {
-  if (augment) {
-    filter_.add((1.0 - kGammaTheta) * now_.theta, now_.phi - kGammaPhi * now_.theta);
-  }
-  const double dual = dual_step_limit(bounds_, it_, d.dzl.data(), d.dzu.data(), tau_);
+// Of a step taken, for the record.
+void Method::take_note(const Direction& d, double alpha, double dual) {
   record_.step_norm = 0.0;
   for (int i = 0; i < n_; ++i) {
     record_.step_norm = std::max(record_.step_norm, std::abs(alpha * d.dy[i]));
   }
   record_.primal_step = alpha;
   record_.dual_step = dual;
+}
+
+void Method::accept(const Direction& d, double alpha, bool augment) {
+  if (augment) {
+    filter_.add((1.0 - kGammaTheta) * now_.theta, now_.phi - kGammaPhi * now_.theta);
+  }
+  const double dual = dual_step_limit(bounds_, it_, d.dzl.data(), d.dzu.data(), tau_);
+  take_note(d, alpha, dual);
   std::swap(it_.y, saved_y_);
   for (int i = 0; i < m_; ++i) it_.lambda[i] += alpha * d.dlambda[i];
   for (int i = 0; i < n_ + m_; ++i) {
@@ -94,8 +99,7 @@ bool Method::correct_second_order(double alpha, double slope, bool& augment) {
     for (int i = 0; i < m_; ++i) soc_[i] = alpha_soc * soc_[i] + trial_.residual[i];
     Stopwatch watch;
     right_hand_side(soc_.data());
-    kkt_.solve(b1_.data(), b2_.data(), e_.data(), corrected_.dy.data(), corrected_.dlambda.data(),
-               options_.refinements);
+    kkt_.solve(b1_.data(), b2_.data(), e_.data(), corrected_.dy.data(), corrected_.dlambda.data());
     complete_direction(corrected_);
     spent_.solve += watch.lap();
     alpha_soc = primal_step_limit(bounds_, it_.y.data(), corrected_.dy.data(), tau_);

@@ -1,8 +1,9 @@
 // The state of one interior point solve, shared by its parts: the loop (interior_point.cpp), its
-// start (start.cpp), steps (direction.cpp), line search (line_search.cpp) and restoration phase
-// (restoration.cpp).
+// start (start.cpp), steps (direction.cpp), line search (line_search.cpp), adaptive barrier
+// (adaptive_barrier.cpp) and restoration phase (restoration.cpp).
 #pragma once
 
+#include <array>
 #include <string>
 
 #include "trajopt/interior_point/barrier.h"
@@ -14,7 +15,7 @@
 namespace trajopt::interior_point {
 
 // Regularization of the rows, refined away again (see kkt.h).
-inline constexpr double kRowEpsilon = 1e-8;
+inline constexpr double kRowEpsilon = 1e-10;
 
 class Method {
  public:
@@ -43,11 +44,14 @@ class Method {
   // interior_point.cpp
   bool evaluate(const double* y, Values& v);
   bool differentiate();
+  bool differentiate_anew();
   void gradient_of_lagrangian();
   Errors errors(double mu) const;
-  bool reduce_barrier();
+  double least_barrier() const;
+  void reduce_barrier();
   double user_violation() const;
   bool report(const Errors& e);
+  Outcome stop(Status status, Point& point);
   Outcome finish(Status status, const std::string& message, Point& point);
 
   // direction.cpp
@@ -56,17 +60,27 @@ class Method {
   void right_hand_side(const double* residual);
   void complete_direction(Direction& d);
 
+  // adaptive_barrier.cpp
+  double mean_product() const;
+  void set_barrier(double mu, double tau);
+  void enter_monotone_mode();
+  void choose_mode(double error);
+  double quality(double mu, double tau, double dual, double primal);
+  void combine(double mu);
+  bool find_both_directions();
+  bool find_free_direction();
+
   // line_search.cpp
   Search search();
   double directional_derivative() const;
   void move(const double* dy, double alpha, double* y) const;
   bool acceptable(const Values& trial, double alpha, double slope, bool& augment) const;
   bool correct_second_order(double alpha, double slope, bool& augment);
+  void take_note(const Direction& d, double alpha, double dual);
   void accept(const Direction& d, double alpha, bool augment);
 
   // restoration.cpp
-  enum class Restored { yes, infeasible, no };
-  Restored restore();
+  Status restore();  // solved: the filter takes the point
   bool restoration_step(double mu, double damping);
 
   StagedProblem& user_;
@@ -87,6 +101,11 @@ class Method {
   double mu_, tau_, theta_least_ = 0, theta_most_ = 0;
   double delta_ = 0, delta_last_ = 0;
   bool tiny_ = false;
+  bool free_;                       // in free mode: mu may rise
+  Direction affine_, centering_;    // of the adaptive rule
+  std::array<double, 5> errors_{};  // of its last free iterations
+  int next_error_ = 0;
+  double most_barrier_ = 0;
   Record record_;
   std::vector<Record> history_;
   Stopwatch clock_;

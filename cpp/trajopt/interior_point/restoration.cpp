@@ -40,9 +40,9 @@ bool Method::restoration_step(double mu, double damping) {
       !kkt_.factor(diagonal_.data(), regularized_.data(), false)) {
     return false;
   }
-  const double residual = kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(),
-                                     step_.dlambda.data(), options_.refinements);
-  if (!std::isfinite(residual)) return false;
+  const bool solved =
+      kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(), step_.dlambda.data());
+  if (!solved) return false;
   for (int i = 0; i < m_; ++i) {
     const int s = n_ + i;
     if (bounds_.fixed(s) || bounds_.free(s)) {
@@ -56,7 +56,7 @@ bool Method::restoration_step(double mu, double damping) {
   return true;
 }
 
-Method::Restored Method::restore() {
+Status Method::restore() {
   constexpr double kGammaTheta = 1e-5, kGammaPhi = 1e-8;
   filter_.add((1.0 - kGammaTheta) * now_.theta, now_.phi - kGammaPhi * now_.theta);
   const double theta_start = now_.theta;
@@ -71,13 +71,14 @@ Method::Restored Method::restore() {
     return most;
   };
   // Rounding errors alone: nothing here to restore.
-  if (norm(now_) <= 1e-2 * options_.tolerance) return Restored::no;
-  if (!problem_.derivatives(it_.y.data(), now_.residual.data(), 0.0)) return Restored::no;
+  if (norm(now_) <= 1e-2 * options_.tolerance) return Status::stalled;
+  if (!problem_.derivatives(it_.y.data(), now_.residual.data(), 0.0)) return Status::stalled;
   double mu = std::min(mu_, 0.1 * squares(now_)), damping = kFirstDamping;
   for (int i = 0; i < n_ + m_; ++i) {
     if (bounds_.below(i)) it_.zl[i] = mu / (it_.y[i] - bounds_.lower[i]);
     if (bounds_.above(i)) it_.zu[i] = mu / (bounds_.upper[i] - it_.y[i]);
   }
+  bool moved = false;
   for (int k = 0; k < kMostSteps; ++k) {
     // gradient_ = gradient of 1/2 |residual|^2.
     std::fill(gradient_.begin(), gradient_.end(), 0.0);
@@ -90,8 +91,16 @@ Method::Restored Method::restore() {
     }
     const double size = norm(now_);
     const double gap = complementarity(bounds_, it_, mu);
+    if (moved) {
+      // A step of this phase is an iteration like others, with this phase's own errors.
+      ++record_.iteration;
+      record_.restoration = true;
+      if (!report({error, size, gap, std::max({error, size, gap})})) return Status::interrupted;
+      if (record_.iteration >= options_.max_iterations) return Status::max_iterations;
+    }
+    moved = false;
     if (std::max(error, gap) <= kStationary * size && mu <= kLeastBarrier * std::max(1.0, size)) {
-      return size > 10.0 * options_.tolerance ? Restored::infeasible : Restored::no;
+      return size > 10.0 * options_.tolerance ? Status::infeasible : Status::stalled;
     }
     while (mu > 0.1 * kLeastBarrier && std::max(error, gap) <= 10.0 * mu) {
       mu *= 0.1;
@@ -99,7 +108,7 @@ Method::Restored Method::restore() {
     }
     if (!restoration_step(mu, damping)) {
       damping *= 10.0;
-      if (damping > kMostDamping) return Restored::no;
+      if (damping > kMostDamping) return Status::stalled;
       continue;
     }
     double slope = 0.0;
@@ -110,9 +119,11 @@ Method::Restored Method::restore() {
     const double tau = std::max(0.99, 1.0 - mu);
     double alpha = primal_step_limit(bounds_, it_.y.data(), step_.dy.data(), tau);
     const double merit = squares(now_) + mu * bounds_.log_barrier(it_.y.data());
-    bool taken = false;
-    for (int h = 0; h < kHalvings && !taken; ++h, alpha *= 0.5) {
+    record_.trials = 0;
+    record_.corrected = false;
+    for (int h = 0; h < kHalvings && !moved; ++h, alpha *= 0.5) {
       move(step_.dy.data(), alpha, saved_y_.data());
+      ++record_.trials;
       if (!evaluate(saved_y_.data(), trial_)) continue;
       const double next = squares(trial_) + mu * bounds_.log_barrier(saved_y_.data());
       if (next - merit > kArmijo * alpha * slope + 1e-15 * std::abs(merit)) continue;
@@ -125,11 +136,13 @@ Method::Restored Method::restore() {
       }
       safeguard_bound_multipliers(bounds_, it_, mu);
       damping = h == 0 ? std::max(kLeastDamping, 0.2 * damping) : h > 2 ? 10.0 * damping : damping;
-      taken = true;
+      take_note(step_, alpha, dual);
+      record_.regularization = damping;
+      moved = true;
     }
-    if (!taken) {
+    if (!moved) {
       damping *= 10.0;
-      if (damping > kMostDamping) return Restored::no;
+      if (damping > kMostDamping) return Status::stalled;
       continue;
     }
     if (now_.theta <= kEnough * theta_start && filter_.accepts(now_.theta, now_.phi)) {
@@ -137,11 +150,11 @@ Method::Restored Method::restore() {
         if (bounds_.below(i)) it_.zl[i] = mu_ / (it_.y[i] - bounds_.lower[i]);
         if (bounds_.above(i)) it_.zu[i] = mu_ / (bounds_.upper[i] - it_.y[i]);
       }
-      return Restored::yes;
+      return Status::solved;
     }
-    if (!problem_.derivatives(it_.y.data(), now_.residual.data(), 0.0)) return Restored::no;
+    if (!problem_.derivatives(it_.y.data(), now_.residual.data(), 0.0)) return Status::stalled;
   }
-  return Restored::no;
+  return Status::stalled;
 }
 
 }  // namespace trajopt::interior_point

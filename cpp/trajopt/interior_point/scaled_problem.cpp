@@ -21,6 +21,17 @@ bool finite(const double* x, std::size_t size) {
   return sum == 0.0;
 }
 
+std::vector<ScaledProblem::Run> runs(const Pattern& pattern) {
+  std::vector<ScaledProblem::Run> found;
+  for (int e = 0; e < pattern.nonzeros(); ++e) {
+    if (e == 0 || pattern.column[e] != pattern.column[e - 1]) {
+      found.push_back({pattern.column[e], e, e});
+    }
+    found.back().end = e + 1;
+  }
+  return found;
+}
+
 }  // namespace
 
 ScaledProblem::ScaledProblem(StagedProblem& problem)
@@ -44,6 +55,8 @@ ScaledProblem::ScaledProblem(StagedProblem& problem)
     most = std::max(most, t.locals);
     t.jacobian.resize(static_cast<std::size_t>(t.part->count) * t.part->jacobian.nonzeros());
     t.hessian.resize(static_cast<std::size_t>(t.part->count) * t.part->hessian.nonzeros());
+    t.jacobian_runs = runs(t.part->jacobian);
+    t.hessian_runs = runs(t.part->hessian);
     t.pinned.resize(t.part->count);
     const int nodes = problem.nodes * problem.node_size;
     const bool global =
@@ -58,10 +71,13 @@ ScaledProblem::ScaledProblem(StagedProblem& problem)
   local_out_.resize(most);
 }
 
-void ScaledProblem::gather(const Terms& t, int k, const double* flat, double* local) const {
+const double* ScaledProblem::locals(const Terms& t, int k, const double* flat) const {
   const int size = problem_.node_size, seen = t.part->span * size;
-  std::copy_n(flat + (t.first_node + k) * size, seen, local);
-  std::copy_n(flat + problem_.nodes * size, problem_.globals, local + seen);
+  const double* nodes = flat + (t.first_node + k) * size;
+  if (problem_.globals == 0) return nodes;
+  std::copy_n(nodes, seen, local_in_.data());
+  std::copy_n(flat + problem_.nodes * size, problem_.globals, local_in_.data() + seen);
+  return local_in_.data();
 }
 
 void ScaledProblem::scatter_add(const Terms& t, int k, const double* local, double* flat) const {
@@ -70,6 +86,18 @@ void ScaledProblem::scatter_add(const Terms& t, int k, const double* local, doub
   double* globals = flat + problem_.nodes * size;
   for (int i = 0; i < seen; ++i) nodes[i] += local[i];
   for (int i = 0; i < problem_.globals; ++i) globals[i] += local[seen + i];
+}
+
+// Calls add(y) with y the locals of copy k.
+template <class Add>
+void ScaledProblem::add_to_locals(const Terms& t, int k, double* flat, const Add& add) const {
+  if (problem_.globals == 0) {
+    add(flat + (t.first_node + k) * problem_.node_size);
+    return;
+  }
+  std::fill_n(local_out_.data(), t.locals, 0.0);
+  add(local_out_.data());
+  scatter_add(t, k, local_out_.data(), flat);
 }
 
 void ScaledProblem::load(const double* x) {
@@ -165,47 +193,58 @@ void ScaledProblem::choose_scales() {
 
 void ScaledProblem::add_jacobian_product(const double* v, double* y) const {
   for (const Terms& t : terms_) {
-    const Pattern& pattern = t.part->jacobian;
-    const int nonzeros = pattern.nonzeros();
+    const int* row = t.part->jacobian.row.data();
+    const double* j = t.jacobian.data();
+    double* to = y + t.first_row;
     for (int k = 0; k < t.part->count; ++k) {
-      gather(t, k, v, local_in_.data());
-      const double* j = t.jacobian.data() + static_cast<long>(k) * nonzeros;
-      double* to = y + t.first_row + k * t.part->constraints;
-      for (int e = 0; e < nonzeros; ++e) to[pattern.row[e]] += j[e] * local_in_[pattern.column[e]];
+      const double* x = locals(t, k, v);
+      for (const Run& run : t.jacobian_runs) {
+        const double of_column = x[run.column];
+        for (int e = run.begin; e < run.end; ++e) to[row[e]] += j[e] * of_column;
+      }
+      j += t.part->jacobian.nonzeros();
+      to += t.part->constraints;
     }
   }
 }
 
 void ScaledProblem::add_jacobian_transposed_product(const double* v, double* y) const {
   for (const Terms& t : terms_) {
-    const Pattern& pattern = t.part->jacobian;
-    const int nonzeros = pattern.nonzeros();
+    const int* row = t.part->jacobian.row.data();
+    const double* j = t.jacobian.data();
+    const double* from = v + t.first_row;
     for (int k = 0; k < t.part->count; ++k) {
-      std::fill_n(local_out_.data(), t.locals, 0.0);
-      const double* j = t.jacobian.data() + static_cast<long>(k) * nonzeros;
-      const double* from = v + t.first_row + k * t.part->constraints;
-      for (int e = 0; e < nonzeros; ++e) {
-        local_out_[pattern.column[e]] += j[e] * from[pattern.row[e]];
-      }
-      scatter_add(t, k, local_out_.data(), y);
+      add_to_locals(t, k, y, [&](double* to) {
+        for (const Run& run : t.jacobian_runs) {
+          double sum = 0.0;
+          for (int e = run.begin; e < run.end; ++e) sum += j[e] * from[row[e]];
+          to[run.column] += sum;
+        }
+      });
+      j += t.part->jacobian.nonzeros();
+      from += t.part->constraints;
     }
   }
 }
 
 void ScaledProblem::add_hessian_product(const double* v, double* y) const {
   for (const Terms& t : terms_) {
-    const Pattern& pattern = t.part->hessian;
-    const int nonzeros = pattern.nonzeros();
+    const int* row = t.part->hessian.row.data();
+    const double* h = t.hessian.data();
     for (int k = 0; k < t.part->count; ++k) {
-      gather(t, k, v, local_in_.data());
-      std::fill_n(local_out_.data(), t.locals, 0.0);
-      const double* h = t.hessian.data() + static_cast<long>(k) * nonzeros;
-      for (int e = 0; e < nonzeros; ++e) {
-        const int r = pattern.row[e], c = pattern.column[e];
-        local_out_[r] += h[e] * local_in_[c];
-        if (r != c) local_out_[c] += h[e] * local_in_[r];
-      }
-      scatter_add(t, k, local_out_.data(), y);
+      const double* x = locals(t, k, v);
+      add_to_locals(t, k, y, [&](double* to) {
+        for (const Run& run : t.hessian_runs) {
+          const double of_column = x[run.column];
+          double sum = 0.0;
+          for (int e = run.begin; e < run.end; ++e) {
+            to[row[e]] += h[e] * of_column;
+            if (row[e] != run.column) sum += h[e] * x[row[e]];
+          }
+          to[run.column] += sum;
+        }
+      });
+      h += t.part->hessian.nonzeros();
     }
   }
 }

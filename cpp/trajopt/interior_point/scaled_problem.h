@@ -14,12 +14,18 @@ class ScaledProblem {
  public:
   explicit ScaledProblem(StagedProblem& problem);
 
+  // Neighbouring nonzeros of one column.
+  struct Run {
+    int column, begin, end;
+  };
+
   // One kind of terms with its place in the flat vectors and its scaled derivatives.
   struct Terms {
     const Part* part = nullptr;
     int locals = 0, first_node = 0, first_row = 0;
     std::vector<double> jacobian, hessian;  // count x nonzeros
     std::vector<char> pinned;               // per copy: does it see a pinned variable?
+    std::vector<Run> jacobian_runs, hessian_runs;
   };
 
   int variables() const { return variables_; }
@@ -44,11 +50,13 @@ class ScaledProblem {
   void add_jacobian_transposed_product(const double* v, double* y) const;  // y += J^T v
   void add_hessian_product(const double* v, double* y) const;              // y += H v
 
-  // The locals of copy k of some terms, out of and into a flat vector.
-  void gather(const Terms& terms, int k, const double* flat, double* local) const;
-  void scatter_add(const Terms& terms, int k, const double* local, double* flat) const;
-
  private:
+  // The locals of copy k of some terms, out of and into a flat vector. Without globals they are a
+  // stretch of it.
+  const double* locals(const Terms& terms, int k, const double* flat) const;
+  void scatter_add(const Terms& terms, int k, const double* local, double* flat) const;
+  template <class Add>
+  void add_to_locals(const Terms& terms, int k, double* flat, const Add& add) const;
   void load(const double* x);
   bool take_derivatives(Terms& terms);
 

@@ -72,8 +72,7 @@ void Method::estimate_multipliers() {
   }
   std::fill(it_.lambda.begin(), it_.lambda.end(), 0.0);
   if (!kkt_.factor(diagonal_.data(), regularized_.data(), false)) return;
-  kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(), it_.lambda.data(),
-             options_.refinements);
+  kkt_.solve(b1_.data(), b2_.data(), e_.data(), step_.dy.data(), it_.lambda.data());
   for (double l : it_.lambda) {
     if (!(std::abs(l) <= kLargestEstimate)) {
       std::fill(it_.lambda.begin(), it_.lambda.end(), 0.0);

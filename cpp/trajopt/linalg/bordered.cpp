@@ -36,6 +36,28 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
                                    int threads) {
   factored_ = false;
   inner_.factor(k, signs, regularization, threads);
+  const Pivot pivot = factor_border(e, f, border_signs, regularization, threads);
+  if (!factored_) {
+    const bool positive = !border_signs || border_signs[pivot.row] > 0;
+    throw border_pivot_error(blocks(), pivot.row, pivot.value, positive, regularization);
+  }
+}
+
+bool BorderedFactorization::try_factor(const SymmetricBlockTridiagonal& k, const double* e,
+                                       const double* f, const signed char* signs,
+                                       const signed char* border_signs, double regularization,
+                                       int threads) {
+  factored_ = false;
+  if (inner_.try_factor(k, signs, regularization, threads)) {
+    factor_border(e, f, border_signs, regularization, threads);
+  }
+  return factored_;
+}
+
+// S = F - Et K^-1 E and its factors; the pivot that failed, if one did.
+Pivot BorderedFactorization::factor_border(const double* e, const double* f,
+                                           const signed char* border_signs, double regularization,
+                                           int threads) {
   for (long i = 0; i < rows(); ++i) {
     std::copy_n(e + i * border_, border_, e_.data() + i * columns_);
   }
@@ -56,12 +78,11 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
   s.u = unscaled_.data();
   s.inverse = inverse_.data();
   const Pivot pivot = kernels_->eliminate(s);
-  if (pivot.row >= 0) {
-    const bool positive = !border_signs || border_signs[pivot.row] > 0;
-    throw border_pivot_error(blocks(), pivot.row, pivot.value, positive, regularization);
+  if (pivot.row < 0) {
+    kernels_->pack(border_, schur_.data(), ld_, packed_.data());
+    factored_ = true;
   }
-  kernels_->pack(border_, schur_.data(), ld_, packed_.data());
-  factored_ = true;
+  return pivot;
 }
 
 void BorderedFactorization::solve(double* z, double* y, int m, int threads) const {

@@ -22,6 +22,12 @@ class BorderedFactorization {
               const signed char* signs = nullptr, const signed char* border_signs = nullptr,
               double regularization = 0.0, int threads = 1);
 
+  // The same, but false at such a pivot. Allocates nothing.
+  [[nodiscard]] bool try_factor(const SymmetricBlockTridiagonal& k, const double* e,
+                                const double* f, const signed char* signs = nullptr,
+                                const signed char* border_signs = nullptr,
+                                double regularization = 0.0, int threads = 1);
+
   // Solves in place: z is rows x m, y is border x m, row-major.
   void solve(double* z, double* y, int m = 1, int threads = 1) const;
 
@@ -36,6 +42,8 @@ class BorderedFactorization {
 
  private:
   long rows() const { return static_cast<long>(inner_.blocks()) * inner_.size(); }
+  Pivot factor_border(const double* e, const double* f, const signed char* border_signs,
+                      double regularization, int threads);
 
   Factorization inner_;
   int border_;

@@ -53,8 +53,8 @@ int Factorization::useful_threads(int threads) const {
   return flops < kWorthwhileFlops ? 1 : std::clamp(threads, 1, most);
 }
 
-void Factorization::factor(const SymmetricBlockTridiagonal& a, const signed char* signs,
-                           double regularization, int threads) {
+bool Factorization::try_factor(const SymmetricBlockTridiagonal& a, const signed char* signs,
+                               double regularization, int threads) {
   if (a.blocks() != blocks_ || a.size() != size_ || a.batch() != batch_) {
     throw ArgumentError("factor: the matrix has " + std::to_string(a.blocks()) +
                         " blocks of size " + std::to_string(a.size()) + " in a batch of " +
@@ -64,14 +64,19 @@ void Factorization::factor(const SymmetricBlockTridiagonal& a, const signed char
   }
   factored_ = false;
   threads = useful_threads(threads);
-  const bool good = double_ ? double_->factor(a, signs, regularization, threads)
-                            : single_->factor(a, signs, regularization, threads);
-  for (int item = 0; !good && item < batch_; ++item) {
+  factored_ = double_ ? double_->factor(a, signs, regularization, threads)
+                      : single_->factor(a, signs, regularization, threads);
+  return factored_;
+}
+
+void Factorization::factor(const SymmetricBlockTridiagonal& a, const signed char* signs,
+                           double regularization, int threads) {
+  if (try_factor(a, signs, regularization, threads)) return;
+  for (int item = 0; item < batch_; ++item) {
     const PivotFailure& failure = double_ ? double_->failure(item) : single_->failure(item);
     const signed char* of_item = signs ? signs + item * a.rows() : nullptr;
     if (failure.block >= 0) fail(item, failure, of_item, regularization);
   }
-  factored_ = true;
 }
 
 void Factorization::fail(int item, const PivotFailure& failure, const signed char* signs,

@@ -37,6 +37,11 @@ class Factorization {
   void factor(const SymmetricBlockTridiagonal& a, const signed char* signs = nullptr,
               double regularization = 0.0, int threads = 1);
 
+  // The same, but false at such a pivot: for callers who expect failures. Allocates nothing.
+  [[nodiscard]] bool try_factor(const SymmetricBlockTridiagonal& a,
+                                const signed char* signs = nullptr, double regularization = 0.0,
+                                int threads = 1);
+
   // Solves in place; rhs is (batch, blocks * size, m), row-major. solve_item takes one problem.
   // float32 factors solve in float32: refine afterwards.
   void solve(double* rhs, int m = 1, int threads = 1) const;

@@ -7,6 +7,7 @@ from trajopt.collocation.diagnosis import Violation
 from trajopt.collocation.guesses import continuation, keyframes, line, scatter
 from trajopt.collocation.phases import MultiPhase, MultiPhaseSolution, PhaseLink
 from trajopt.collocation.problem import Problem
+from trajopt.collocation.progress import IterationPrinter
 from trajopt.collocation.smoothing import add_absolute, smooth_abs, smooth_max, smooth_min
 from trajopt.collocation.solution import Pass, Solution
 from trajopt.collocation.solver import solve
@@ -16,6 +17,7 @@ from trajopt.collocation.verification import DerivativeCheck, check_derivatives
 
 __all__ = [
     "DerivativeCheck",
+    "IterationPrinter",
     "MultiPhase",
     "MultiPhaseSolution",
     "Pass",

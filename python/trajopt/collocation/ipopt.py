@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP, constraint_violation
+from trajopt.collocation.watch import Callback, IpoptWatch, Watch, iteration_rows
+from trajopt.interrupt import InterruptFlag
 from trajopt.status import Status
 
 __all__ = ["solve_ipopt"]
@@ -41,6 +43,7 @@ def solve_ipopt(
     max_iterations: int = 3000,
     options: Mapping[str, Any] | None = None,
     warm_start: Mapping[str, Any] | None = None,
+    callback: Callback | None = None,
 ) -> dict[str, Any]:
     """Solve a staged program by IPOPT with exact first and second derivatives.
 
@@ -54,6 +57,9 @@ def solve_ipopt(
         More options of IPOPT by their names.
     warm_start : dict, optional
         ``multipliers`` of an earlier result on the same mesh.
+    callback : callable, optional
+        ``callback(record, x)`` after every iteration, x the nodes then the globals; returning
+        False stops the solver. Ctrl-C stops it too, and the last iterate is kept.
 
     Returns
     -------
@@ -80,14 +86,15 @@ def solve_ipopt(
     settings |= {f"ipopt.{name}": value for name, value in (options or {}).items()}
     if flat.equalities > flat.unknowns:
         return _overdetermined(nlp, flat)
-    solver = casadi.nlpsol("solver", "ipopt", flat.program, settings)
     arguments = flat.arguments
     if warm_start is not None:
         arguments = arguments | flat.multipliers_in(warm_start["multipliers"])
-    begin = time.perf_counter()
-    result = solver(**arguments)
-    seconds = time.perf_counter() - begin
-    stats = solver.stats()
+    interrupt = InterruptFlag()
+    watch = IpoptWatch(Watch(callback, interrupt), flat.sizes, flat.together)
+    settings["iteration_callback"] = watch
+    solver = casadi.nlpsol("solver", "ipopt", flat.program, settings)
+    with interrupt:
+        result, stats, seconds = _run(solver, arguments, watch)
     w, p = flat.unpack(result["x"])
     status, message = _outcome(nlp, w, p, stats)
     return {
@@ -98,9 +105,31 @@ def solve_ipopt(
         "multipliers": flat.multipliers_out(result),
         "objective": float(result["f"]),
         "iterations": int(stats.get("iter_count", 0)),
-        "history": _history(stats),
+        "history": iteration_rows(stats, watch.elapsed),
         "seconds": seconds,
     }
+
+
+def _run(
+    solver: Any, arguments: Mapping[str, Any], watch: IpoptWatch
+) -> tuple[dict[str, Any], dict[str, Any], float]:
+    """Return results, statistics and seconds of a solve that Ctrl-C may end."""
+    watch.begin(solver)
+    began = time.perf_counter()
+    try:
+        result, stats = solver(**arguments), solver.stats()
+    except KeyboardInterrupt:
+        # Pressed twice, within one iteration.
+        result, stats = watch.last_iterate(), solver.stats()
+        if result is None:
+            raise
+        count = len(watch.elapsed) - 1
+        stats = stats | {"return_status": "User_Requested_Stop", "iter_count": count}
+    finally:
+        watch.solver = None  # it holds the watch: the circle would keep both
+    if watch.error is not None:
+        raise watch.error
+    return result, stats, time.perf_counter() - began
 
 
 class _Flat:
@@ -155,6 +184,16 @@ class _Flat:
         full[self._free] = np.asarray(casadi.DM(x).full()).ravel() * self._scale
         size = nlp.n * nlp.nw
         return full[:size].reshape(nlp.n, nlp.nw), full[size:]
+
+    def together(self, x: Any) -> FloatArray:
+        """Return node unknowns, then globals."""
+        w, p = self.unpack(x)
+        return np.concatenate([w.ravel(), p])
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Return the lengths of unknowns and constraints."""
+        return {"x": self.unknowns, "g": len(self._rows)}
 
     def multipliers_out(self, result: Mapping[str, Any]) -> dict[str, FloatArray]:
         """Return multipliers in the shapes of the staged program."""
@@ -225,23 +264,3 @@ def _outcome(
         f"IPOPT: {plain} after {iterations} iterations, "
         f"largest constraint violation {violation:.1e}"
     )
-
-
-def _history(stats: Mapping[str, Any]) -> list[dict[str, float]]:
-    """Return IPOPT's record of every iteration."""
-    columns = stats.get("iterations") or {}
-    names = {
-        "obj": "objective",
-        "inf_pr": "constraint_violation",
-        "inf_du": "dual_infeasibility",
-        "mu": "barrier",
-        "d_norm": "step_norm",
-        "alpha_pr": "step_length",
-        "regularization_size": "regularization",
-    }
-    kept = {names[name]: values for name, values in columns.items() if name in names}
-    count = min((len(values) for values in kept.values()), default=0)
-    return [
-        {"iteration": float(i), **{name: float(values[i]) for name, values in kept.items()}}
-        for i in range(count)
-    ]

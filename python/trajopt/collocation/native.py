@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -22,7 +22,9 @@ from trajopt import _core
 from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP
 from trajopt.collocation.tape import make_tape
+from trajopt.collocation.watch import Callback, Watch
 from trajopt.errors import ArgumentError
+from trajopt.interrupt import InterruptFlag
 from trajopt.status import Status
 
 __all__ = ["OPTIONS", "NativeSolver", "solve_native"]
@@ -33,15 +35,14 @@ FloatArray = NDArray[np.float64]
 # Options beyond tolerance and iteration limit, with their defaults.
 OPTIONS: dict[str, Any] = {
     "barrier": 0.1,  # barrier parameter at the start; 1e-6 of a warm start
+    "barrier_rule": "monotone",  # or adaptive: how it changes
     "bound_push": 1e-2,  # share by which the start is pushed away from its bounds
     "scale": True,  # scale objective and constraints by their gradients at the start
-    "refinements": 4,  # most refinement steps of a linear solve
+    "refinements": 10,  # most refinement steps of a linear solve
     "threads": 1,  # of evaluation and linear algebra; the result does not depend on them
     "ordering": "auto",  # of the block elimination: auto, sequential, cyclic or chunked
 }
 WARM_BARRIER = 1e-6
-
-Callback = Callable[[dict[str, Any], FloatArray], Any]
 
 
 @dataclass
@@ -169,7 +170,11 @@ class NativeSolver:
     ) -> _Part:
         nlp = self.nlp
         function, kind = _symbolic(function)
-        v = kind.sym("v", span * nlp.nw + nlp.np)
+        # The nodes are arguments of their own: those of neighbouring copies overlap in memory.
+        parts = [kind.sym(f"w{i}", nlp.nw) for i in range(span)] + [kind.sym("p", nlp.np)]
+        # Scalar symbols side by side are again what one can differentiate with respect to.
+        scalar = kind is casadi.SX
+        v = casadi.vertcat(*parts) if scalar else kind.sym("v", span * nlp.nw + nlp.np)
         scale = np.concatenate([np.tile(nlp.w_scale, span), nlp.p_scale])
         u = v if np.all(scale == 1.0) else v * casadi.DM(scale)
         arguments = [u[i * nlp.nw : (i + 1) * nlp.nw] for i in range(span)]
@@ -187,13 +192,12 @@ class NativeSolver:
         jacobian: Any = casadi.jacobian(c, v)
         lagrangian = factor * cost + casadi.dot(multipliers, c)
         hessian: Any = casadi.tril(casadi.hessian(lagrangian, v)[0])
-        # The nodes are arguments of their own: those of neighbouring copies overlap in memory.
-        parts = [kind.sym(f"w{i}", nlp.nw) for i in range(span)] + [kind.sym("p", nlp.np)]
-        values, derivatives = _substitute(
-            [[cost, c], [gradient, jacobian, hessian]],
-            v,
-            parts,
-            [[s], [s, multipliers, factor]],
+        values, derivatives = (
+            _function(name, v, parts, more, results)
+            for name, more, results in (
+                ("values", [s], [cost, c]),
+                ("derivatives", [s, multipliers, factor], [gradient, jacobian, hessian]),
+            )
         )
         return _Part(
             count,
@@ -256,7 +260,7 @@ class NativeSolver:
             pushed away from its bounds.
         callback : callable, optional
             ``callback(record, x)`` after every iteration, x the nodes then the globals; returning
-            False stops the solver.
+            False stops the solver. Ctrl-C stops it too, and the last iterate is kept.
         guess : tuple of arrays, optional
 
         Returns
@@ -292,30 +296,29 @@ class NativeSolver:
             "last": self._last and self._last.description(),
             "global": self._global and self._global.description(),
         }
-        began = time.perf_counter()
-        result: dict[str, Any] = _core.solve_staged(
-            problem,
-            x,
-            rows,
-            bounds,
-            self._observer(callback),
-            tolerance=tolerance,
-            max_iterations=max_iterations,
-            warm_start=warm_start is not None,
-            **settings,
-        )
-        seconds = time.perf_counter() - began
+        with InterruptFlag() as interrupt:
+            began = time.perf_counter()
+            result: dict[str, Any] = _core.solve_staged(
+                problem,
+                x,
+                rows,
+                bounds,
+                self._observer(callback, interrupt),
+                interrupt,
+                tolerance=tolerance,
+                max_iterations=max_iterations,
+                warm_start=warm_start is not None,
+                **settings,
+            )
+            seconds = time.perf_counter() - began
         return self._unpack(result, seconds)
 
-    def _observer(self, callback: Callback | None) -> Callback | None:
+    def _observer(self, callback: Callback | None, interrupt: InterruptFlag) -> Any:
+        """Return what the core calls; without a callback it looks at the flag by itself."""
         if callback is None:
             return None
-        scale = self._scale
-
-        def observe(record: dict[str, Any], x: FloatArray) -> bool:
-            return callback(record, x * scale) is not False
-
-        return observe
+        watch, scale = Watch(callback, interrupt), self._scale
+        return lambda record, x: watch.go_on(record, x * scale)
 
     def _unpack(self, result: dict[str, Any], seconds: float) -> dict[str, Any]:
         nlp = self.nlp
@@ -344,16 +347,15 @@ class NativeSolver:
         }
 
 
-def _substitute(
-    outputs: list[list[Any]], v: Any, parts: list[Any], others: list[list[Any]]
-) -> list[Any]:
-    """Make functions of the parts v consists of."""
-    functions = []
-    for name, results, more in zip(("values", "derivatives"), outputs, others, strict=True):
-        inner = casadi.Function(name, [v, *more], results)
-        results = inner(casadi.vertcat(*parts), *more)
-        functions.append(casadi.Function(name, [*parts, *more], results, {"cse": True}))
-    return functions
+def _function(name: str, v: Any, parts: list[Any], others: list[Any], results: list[Any]) -> Any:
+    """Make a function of the parts v consists of."""
+    if isinstance(v, casadi.SX):
+        # CasADi's search for common subexpressions takes longer than all of its differentiation
+        # and finds a twentieth of the operations; the tape does not ask for it.
+        return casadi.Function(name, [*parts, *others], results)
+    inner = casadi.Function(name, [v, *others], results)
+    results = inner(casadi.vertcat(*parts), *others)
+    return casadi.Function(name, [*parts, *others], results, {"cse": True})
 
 
 def solve_native(

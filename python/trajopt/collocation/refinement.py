@@ -21,6 +21,7 @@ from trajopt.collocation.phases import MultiPhaseSolution
 from trajopt.collocation.solution import Solution
 from trajopt.collocation.transcriptions import DEGREE, make_transcription
 from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.status import Status
 
 __all__ = ["Once", "next_grid", "refine_automatically", "relative_error", "run_schedule"]
 
@@ -54,7 +55,7 @@ def run_schedule(
         plan.append((grids(segments, settings), settings))
     found = None
     for meshes, settings in plan:
-        found = _joined(found, once(meshes, settings, found), None)
+        found = _next(once, meshes, settings, found, None)
         if not found.converged:
             break
     assert found is not None
@@ -79,7 +80,7 @@ def refine_automatically(
             for phase, low, old in zip(_phases(found), lowest, olds, strict=True)
         ]
         before = found
-        found = _joined(before, once([step.grid for step in steps], settings, before), steps)
+        found = _next(once, [step.grid for step in steps], settings, before, steps)
     worst = _worst(found)
     if found.converged and worst > tolerance:
         found.message += f"; error {worst:.1e} still above refine = {tolerance:g}"
@@ -136,6 +137,25 @@ def _phases(found: Found) -> list[Solution]:
 
 def _worst(found: Found) -> float:
     return max(float(relative_error(phase).max()) for phase in _phases(found))
+
+
+def _next(
+    once: Once,
+    grids: Sequence[Grid],
+    settings: Mapping[str, Any],
+    before: Found | None,
+    steps: Sequence[Step] | None,
+) -> Found:
+    """Solve from `before`, which stays what there is if Ctrl-C comes before the solver starts."""
+    try:
+        return _joined(before, once(grids, settings, before), steps)
+    except KeyboardInterrupt:
+        if before is None:
+            raise
+        message = f"interrupted before the next mesh was solved; {before.message}"
+        for part in (before, *_phases(before)):
+            part.status, part.message = Status.INTERRUPTED, message
+        return before
 
 
 def _joined(before: Found | None, after: Found, steps: Sequence[Step] | None) -> Found:

@@ -184,6 +184,7 @@ def solve(
     max_iterations: int = 3000,
     scaling: str = "none",
     options: Mapping[str, Any] | None = None,
+    callback: Callable[[dict[str, Any], FloatArray], Any] | None = None,
     refine: Any = None,
     max_refinements: int = 8,
 ) -> Solution | MultiPhaseSolution:
@@ -221,6 +222,11 @@ def solve(
         ``none``, or ``auto``: states and controls are divided by powers of two near their bounds.
     options : dict, optional
         More options of the solver, by its own names.
+    callback : callable, optional
+        ``callback(record, x)`` after every iteration of the solver: a dict of its numbers, as in
+        `Solution.history`, and the unknowns, nodes then globals. Returning False stops the solver,
+        as Ctrl-C does: the last iterate comes back with status ``interrupted``.
+        `IterationPrinter` is one that writes a table.
     refine : float or list, optional
         A number refines the meshes of all phases until the error of every segment and state,
         relative to 1 + max |x|, is below it: segments are cut into two to four, or the degree of
@@ -259,7 +265,10 @@ def solve(
         "scaling": scaling,
         "max_iterations": whole("solve", "max_iterations", max_iterations, 0),
         "options": options,
+        "callback": callback,
     }
+    if callback is not None and not callable(callback):
+        raise ArgumentTypeError(f"solve: callback must be callable, not {callback!r}")
     if warm_start is not None:
         if guess is not None:
             raise ArgumentError("solve: guess and warm_start are given, expected one")

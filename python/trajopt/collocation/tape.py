@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -40,29 +41,32 @@ def make_tape(
     codes = {getattr(casadi, f"OP_{name}"): code for code, name in enumerate(OPERATIONS)}
     constant, given, result = (codes[getattr(casadi, f"OP_{n}")] for n in OPERATIONS[-3:])
     count = function.n_instructions()
-    rows: list[tuple[int, ...]] = []
-    constants: list[float] = []
+    # CasADi answers for one operation at a time: past its Python layer, and into one flat list, as
+    # tens of thousands of lists would keep the garbage collector busy.
+    wrapped: Any = import_module("casadi._casadi")
     kind, ins, outs = (
-        function.instruction_id,
-        function.instruction_input,
-        function.instruction_output,
+        getattr(wrapped, f"Function_instruction_{what}") for what in ("id", "input", "output")
     )
+    code: list[int] = []
+    constants: list[float] = []
     for k in range(count):
-        operation = codes.get(kind(k))
+        operation = codes.get(kind(function, k))
         if operation is None:
             return None
+        results = outs(function, k)
         if operation == constant:
-            rows.append((operation, outs(k)[0], len(constants), 0))
+            code += (operation, results[0], len(constants), 0)
             constants.append(function.instruction_constant(k))
-        elif operation == given:
-            rows.append((operation, outs(k)[0], *ins(k)))
+            continue
+        arguments = ins(function, k)
+        if operation == given:
+            code += (operation, results[0], *arguments)
         elif operation == result:
-            rows.append((operation, outs(k)[0], ins(k)[0], outs(k)[1]))
+            code += (operation, results[0], arguments[0], results[1])
         else:
-            arguments = ins(k)
-            rows.append((operation, outs(k)[0], arguments[0], arguments[-1]))
+            code += (operation, results[0], arguments[0], arguments[-1])
     return {
-        "code": np.array(rows, dtype=np.int32).reshape(count, 4),
+        "code": np.array(code, dtype=np.int32).reshape(count, 4),
         "constants": np.array(constants, dtype=np.float64),
         "registers": int(function.sz_w()),
         "inputs": [(a, function.nnz_in(i), function.nnz_in(i)) for i, a in enumerate(inputs)],
