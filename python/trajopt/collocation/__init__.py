@@ -4,7 +4,7 @@ Needs CasADi: ``pip install 'contact-trajopt[casadi]'``.
 """
 
 from trajopt.collocation.diagnosis import Violation
-from trajopt.collocation.guesses import continuation, keyframes, line
+from trajopt.collocation.guesses import continuation, keyframes, line, scatter
 from trajopt.collocation.phases import MultiPhase, MultiPhaseSolution, PhaseLink
 from trajopt.collocation.problem import Problem
 from trajopt.collocation.progress import IterationPrinter
@@ -12,6 +12,7 @@ from trajopt.collocation.smoothing import add_absolute, smooth_abs, smooth_max, 
 from trajopt.collocation.solution import Pass, Solution
 from trajopt.collocation.solver import solve
 from trajopt.collocation.symbols import TraceError, linear_solve
+from trajopt.collocation.tables import table
 from trajopt.collocation.verification import DerivativeCheck, check_derivatives
 
 __all__ = [
@@ -31,8 +32,10 @@ __all__ = [
     "keyframes",
     "line",
     "linear_solve",
+    "scatter",
     "smooth_abs",
     "smooth_max",
     "smooth_min",
     "solve",
+    "table",
 ]

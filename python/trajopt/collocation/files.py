@@ -36,6 +36,7 @@ def save_solution(solution: Solution, path: str | os.PathLike[str]) -> None:
         "violations": [dataclasses.asdict(entry) for entry in solution.violations],
         "x_names": solution.x_names,
         "u_names": solution.u_names,
+        "degrees": solution.degrees,
     }
     entries: dict[str, Any] = {name: getattr(solution, name) for name in ARRAYS}
     entries |= {
@@ -77,11 +78,19 @@ def load_solution(path: str | os.PathLike[str]) -> Solution:
             interpolant=Interpolant(**pieces),
             history=info["history"],
             passes=[
-                Pass(**{**entry, "status": Status(entry["status"])}) for entry in info["passes"]
+                Pass(
+                    **{
+                        **entry,
+                        "status": Status(entry["status"]),
+                        "degrees": tuple(entry.get("degrees", ())),
+                    }
+                )
+                for entry in info["passes"]
             ],
             violations=[Violation(**entry) for entry in info["violations"]],
             x_names=tuple(info["x_names"]),
             u_names=tuple(info["u_names"]),
+            degrees=tuple(info.get("degrees", ())),
             **{name: entries[name] for name in ARRAYS},
             **{name: info[name] for name in SCALARS},
         )

@@ -1,4 +1,4 @@
-"""Ways to a first guess (Kelly, 5.1): a line, poses to pass through, and continuation."""
+"""Ways to a first guess (Kelly, 5.1): a line, poses to pass through, many at random, a family."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trajopt.checks import finite_array
+from trajopt.checks import finite_array, positive, whole
 from trajopt.collocation.problem import Problem
 from trajopt.collocation.solution import Solution
 from trajopt.collocation.solver import solve
 from trajopt.errors import ArgumentError
 
-__all__ = ["continuation", "keyframes", "line"]
+__all__ = ["continuation", "keyframes", "line", "scatter"]
 
 FloatArray = NDArray[np.float64]
 
@@ -105,6 +105,52 @@ def keyframes(
     )
     x = np.hstack([curve, rate]) if rates else curve
     return {"t": where, "x": x, "u": np.tile(control, (samples, 1))}
+
+
+def scatter(problem: Problem, count: int, spread: float = 0.5, seed: int = 0) -> list[Any]:
+    """Return guesses strewn about the one of a problem, for a search for other optima (5.4).
+
+    Parameters
+    ----------
+    problem : Problem
+    count : int
+    spread : float
+        Size of the changes, relative to the range of bounds, or to 1 + max |x| where there is none.
+    seed : int
+
+    Returns
+    -------
+    list of dict
+        Guesses for `solve`, within the bounds of `problem`.
+
+    Notes
+    -----
+    To every state and control a sum of three sines is added that vanishes at the ends.
+
+    Examples
+    --------
+    >>> from trajopt import collocation as col
+    >>> problem = col.Problem(dynamics=lambda t, x, u: [u[0]], nx=1, nu=1, tf=1.0, u_bounds=(-1, 1))
+    >>> len(scatter(problem, 3))
+    3
+    """
+    count = whole("scatter", "count", count, 0)
+    spread = positive("scatter", "spread", spread)
+    start, phase, random = problem.start, problem.phase, np.random.default_rng(seed)
+    sigma = np.linspace(0.0, 1.0, 51)
+    waves = np.sin(np.pi * np.outer(sigma, [1.0, 2.0, 3.0]))
+    known = start.sample(sigma)
+    guesses = []
+    for _ in range(count):
+        curves = []
+        for values, (lower, upper) in zip(known, (phase.x, phase.u), strict=True):
+            span = upper - lower
+            size = np.where(np.isfinite(span), 0.5 * span, 1.0 + np.abs(values).max(axis=0))
+            changes = waves @ random.uniform(-1.0, 1.0, (3, values.shape[1]))
+            curves.append(np.clip(values + spread * size * changes, lower, upper))
+        t = start.t0 + sigma * (start.tf - start.t0)
+        guesses.append({"t": t, "x": curves[0], "u": curves[1], "p": start.parameters})
+    return guesses
 
 
 def continuation(

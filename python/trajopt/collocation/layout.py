@@ -18,6 +18,7 @@ from trajopt.errors import ArgumentError
 __all__ = ["Layout", "Link", "Part"]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -48,15 +49,18 @@ class Link:
 class Layout:
     """Columns of the nodes and entries of the globals.
 
-    Node k holds node k of every phase, so several phases have the block structure of one. A state
-    at the start of a phase appears in the last node's rows only as a copy among the globals, and
-    only where a boundary function depends on it and it is not fixed.
+    Node k holds one node of every phase, so several phases have the block structure of one. They
+    all end at the last node; a phase with fewer segments than another begins at a later one, and
+    what its columns hold before is fixed and its rows there are free. A state at the start of a
+    phase appears in the last node's rows only as a copy among the globals, and only where a
+    boundary function depends on it and it is not fixed.
 
     Parameters
     ----------
     parts : sequence of Part
-        Phases; all meshes have the same number of segments.
-    transcription : Transcription
+        Phases with their meshes.
+    transcription : Transcription or sequence of Transcription
+        One for all phases, or one for each.
     links : sequence of Link
     scaled : bool
         Choose scales from bounds and guess; all are 1 otherwise.
@@ -65,26 +69,35 @@ class Layout:
     def __init__(
         self,
         parts: Sequence[Part],
-        transcription: Transcription,
+        transcription: Transcription | Sequence[Transcription],
         links: Sequence[Link] = (),
         scaled: bool = False,
     ) -> None:
-        self.parts, self.transcription, self.links = list(parts), transcription, list(links)
-        self.segments = len(parts[0].mesh) - 1
-        self._scaled = scaled
+        self.parts, self.links, self._scaled = list(parts), list(links), scaled
+        if isinstance(transcription, Transcription):
+            transcription = [transcription] * len(parts)
+        self.methods = list(transcription)
+        counts = [len(part.mesh) - 1 for part in self.parts]
+        self.segments = max(counts)
+        # The node at which a phase begins.
+        self.first = [self.segments - count for count in counts]
         self._columns: list[dict[tuple[str, float], slice]] = []
         width = 0
-        for part in self.parts:
+        for part, method in zip(self.parts, self.methods, strict=True):
             columns = {}
-            for c in sorted({*transcription.state_points, *transcription.control_points}):
+            for c in sorted({*method.state_points, *method.control_points}):
                 for kind, points, size in (
-                    ("x", transcription.state_points, part.phase.nx),
-                    ("u", transcription.control_points, part.phase.nu),
+                    ("x", method.state_points, part.phase.nx),
+                    ("u", method.control_points, part.phase.nu),
                 ):
                     if c in points:
                         columns[kind, c] = slice(width, width + size)
                         width += size
             self._columns.append(columns)
+            if part.phase.at_start.numel_out(0) and ("u", 0.0) not in columns:
+                raise _no_control("at_start")
+            if part.phase.at_end.numel_out(0) and not method.shared_end:
+                raise _no_control("at_end")
         self._width = width
         self._collect_globals()
 
@@ -150,58 +163,78 @@ class Layout:
 
     # -- numbers ---------------------------------------------------------------------------------
 
-    def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        n, method = self.segments + 1, self.transcription
+    def _used(self, index: int, c: float) -> BoolArray:
+        """Return in which segments of the chain a phase has unknowns at the point named c."""
+        first, method = self.first[index], self.methods[index]
+        return np.append(np.zeros(first, bool), method.uses(c, self.segments - first))
+
+    def _bounds(self, guess: FloatArray) -> tuple[FloatArray, FloatArray]:
+        n = self.segments + 1
         lower, upper = np.full((n, self._width), -np.inf), np.full((n, self._width), np.inf)
-        for part, columns in zip(self.parts, self._columns, strict=True):
-            phase = part.phase
+        for index, (part, columns) in enumerate(zip(self.parts, self._columns, strict=True)):
+            phase, method, first = part.phase, self.methods[index], self.first[index]
             for (kind, c), where in columns.items():
                 lower[:, where], upper[:, where] = phase.x if kind == "x" else phase.u
-                if c > 0 or (kind == "u" and not method.shared_end):
-                    lower[-1, where] = upper[-1, where] = 0.0  # no segment uses it
+                last = c == 0 and (kind == "x" or method.shared_end)
+                idle = ~np.append(self._used(index, c), last)
+                lower[idle, where] = upper[idle, where] = guess[idle, where]
             start = columns["x", 0.0]
-            lower[0, start], upper[0, start] = phase.x0
+            lower[first, start], upper[first, start] = phase.x0
             lower[-1, start], upper[-1, start] = phase.xf
             for name, limits, node, there in (
-                ("u0_bounds", phase.u0, 0, ("u", 0.0) in columns),
+                ("u0_bounds", phase.u0, first, ("u", 0.0) in columns),
                 ("uf_bounds", phase.uf, -1, method.shared_end),
             ):
                 if there:
                     lower[node, columns["u", 0.0]], upper[node, columns["u", 0.0]] = limits
                 elif not all(np.array_equal(a, b) for a, b in zip(limits, phase.u, strict=True)):
-                    raise ArgumentError(
-                        f"solve: {name} needs a method with a control at that end; "
-                        "legendre with points='lobatto' is one"
-                    )
+                    raise _no_control(name)
         return lower, upper
 
-    def _guess(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    def _guess(self) -> FloatArray:
         guess = np.zeros((self.segments + 1, self._width))
-        for part, columns in zip(self.parts, self._columns, strict=True):
-            steps = np.append(np.diff(part.mesh), 0.0)
+        for index, (part, columns) in enumerate(zip(self.parts, self._columns, strict=True)):
+            first, begin, steps = self.first[index], part.mesh[:-1], np.diff(part.mesh)
             for c in sorted({c for _, c in columns}):
-                x, u = part.guess.sample(part.mesh + c * steps)
+                places = begin + self.methods[index].place(c) * steps
+                x, u = part.guess.sample(np.concatenate([np.zeros(first), places, [1.0]]))
                 for kind, values in (("x", x), ("u", u)):
                     if (kind, c) in columns:
                         guess[:, columns[kind, c]] = values
-        fixed = lower == upper
-        guess[fixed] = lower[fixed]
         return guess
 
     def _data(self) -> FloatArray:
-        """Return start and duration of every segment: seconds, or shares where time is free."""
-        columns = []
+        """Return what the stages read of every segment, phase by phase.
+
+        Start and duration, in seconds or as shares where time is free, then the method's data.
+        Segments before a phase begins have no duration.
+        """
+        columns: list[FloatArray] = []
         for index, part in enumerate(self.parts):
-            start, steps = part.mesh, np.append(np.diff(part.mesh), 0.0)
+            begin, steps = part.mesh, np.append(np.diff(part.mesh), 0.0)
             if not {"t0", "tf"} & self._globals[index].keys():
                 t0, span = part.phase.t0[0], part.phase.tf[0] - part.phase.t0[0]
-                start, steps = t0 + span * start, span * steps
-            columns += [start, steps]
-        return np.stack(columns, axis=1)
+                begin, steps = t0 + span * begin, span * steps
+            first = self.first[index]
+            data = self.methods[index].data(self.segments - first)
+            columns += [
+                np.append(np.full(first, begin[0]), begin)[:, None],
+                np.append(np.zeros(first), steps)[:, None],
+                np.pad(data, ((first, 1), (0, 0))),
+            ]
+        return np.hstack(columns)
+
+    def _data_slices(self) -> list[slice]:
+        """Return where the data of every phase stand in those of a stage."""
+        sizes = [2 + method.data(len(part.mesh) - 1).shape[1] for part, method in
+                 zip(self.parts, self.methods, strict=True)]  # fmt: skip
+        ends = np.cumsum(sizes)
+        return [slice(int(end) - size, int(end)) for end, size in zip(ends, sizes, strict=True)]
 
     def _node_times(self) -> FloatArray:
-        guess = self.parts[0].guess
-        return np.asarray(guess.t0 + self.parts[0].mesh * (guess.tf - guess.t0), dtype=np.float64)
+        index = int(np.argmin(self.first))
+        guess, mesh = self.parts[index].guess, self.parts[index].mesh
+        return np.asarray(guess.t0 + mesh * (guess.tf - guess.t0), dtype=np.float64)
 
     def _phase_scales(self, index: int) -> tuple[FloatArray, FloatArray]:
         """Return powers of two of the size of states and controls."""
@@ -243,6 +276,13 @@ def _free_times(part: Part) -> list[tuple[str, tuple[float, float], float]]:
     if first < last:
         return [("tf", (max(first, low), last), guess.tf)]
     return []
+
+
+def _no_control(name: str) -> ArgumentError:
+    return ArgumentError(
+        f"solve: {name} needs a method with a control at that end; "
+        "legendre with points='lobatto' is one"
+    )
 
 
 def _powers(bounds: tuple[FloatArray, FloatArray], values: FloatArray) -> FloatArray:

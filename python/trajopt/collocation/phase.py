@@ -25,13 +25,15 @@ class Phase:
         Numbers of states, controls and parameters.
     f, w, h : casadi.Function
         Dynamics, integrand and path constraint of (t, x, u, p).
+    at_start, at_end : casadi.Function
+        Constraints of (t, x, u, p) at one end.
     g, terminal : casadi.Function
         Boundary constraint and Mayer term of (t0, tf, x0, xf, p).
     t0, tf : (float, float)
         Bounds of the ends of time [s].
     x, u, x0, xf, u0, uf, p : (lower, upper)
         Bounds as arrays; those of the ends lie within those of the path.
-    h_bounds, g_bounds : (lower, upper)
+    h_bounds, g_bounds, start_bounds, end_bounds : (lower, upper)
     x_names, u_names, p_names : tuple of str
     """
 
@@ -54,6 +56,10 @@ class Phase:
     p: Pair
     h_bounds: Pair
     g_bounds: Pair
+    at_start: Any
+    at_end: Any
+    start_bounds: Pair
+    end_bounds: Pair
     x_names: tuple[str, ...]
     u_names: tuple[str, ...]
     p_names: tuple[str, ...]

@@ -18,7 +18,7 @@ from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.status import Status
 
 if TYPE_CHECKING:
-    from trajopt.collocation.solution import Solution
+    from trajopt.collocation.solution import Pass, Solution
 
 __all__ = ["MultiPhase", "MultiPhaseSolution", "PhaseLink"]
 
@@ -147,6 +147,8 @@ class MultiPhaseSolution:
     message : str
     iterations : int
     seconds : float
+    result : dict
+        What the solver returned: unknowns and multipliers, for a warm start on the same meshes.
     """
 
     phases: list[Solution]
@@ -155,6 +157,7 @@ class MultiPhaseSolution:
     message: str
     iterations: int
     seconds: float
+    result: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (
@@ -166,6 +169,11 @@ class MultiPhaseSolution:
     def converged(self) -> bool:
         """Whether the tolerances were met."""
         return self.status.converged
+
+    @property
+    def passes(self) -> list[tuple[Pass, ...]]:
+        """One entry per solve of a mesh refinement, with the `Pass` of every phase in it."""
+        return list(zip(*(phase.passes for phase in self.phases), strict=True))
 
     @property
     def switching_times(self) -> Any:

@@ -12,6 +12,7 @@ __all__ = [
     "chebyshev_lobatto",
     "differentiation_matrix",
     "integration_matrix",
+    "interpolation_matrix",
     "legendre_gauss",
     "legendre_integrals",
     "legendre_lobatto",

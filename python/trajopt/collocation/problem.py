@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,9 @@ class Problem:
         ``lower <= h(t, x, u) <= upper`` along the whole path.
     boundary : (callable, lower, upper), optional
         ``lower <= g(t0, tf, x0, xf) <= upper``.
+    at_start, at_end : (callable, lower, upper), optional
+        ``lower <= h(t, x, u) <= upper`` at one end only, for conditions on the control there; the
+        method must have a collocation point at that end.
     x_bounds, u_bounds : (lower, upper), optional
         Bounds along the path: a number for all components, or one a component, None for none.
     x0_bounds, xf_bounds, u0_bounds, uf_bounds : (lower, upper), optional
@@ -96,6 +100,8 @@ class Problem:
     terminal: Callable[..., Any] | None = None
     path: tuple[Callable[..., Any], Any, Any] | None = None
     boundary: tuple[Callable[..., Any], Any, Any] | None = None
+    at_start: tuple[Callable[..., Any], Any, Any] | None = None
+    at_end: tuple[Callable[..., Any], Any, Any] | None = None
     x_bounds: Bounds | None = None
     u_bounds: Bounds | None = None
     x0_bounds: Bounds | None = None
@@ -126,15 +132,17 @@ class Problem:
         ends = (("t0", -1), ("tf", -1), ("x0", nx), ("xf", nx), ("p", count))
         g, g_bounds = self._constraint("boundary", ends, self._periods(names[0]))
         h, h_bounds = self._constraint("path", running, [])
+        at_start, start_bounds = self._constraint("at_start", running, [])
+        at_end, end_bounds = self._constraint("at_end", running, [])
         phase = Phase(
             nx=nx,
             nu=nu,
             np=count,
             f=trace("Problem", "dynamics", self.dynamics, running, nx),
-            w=trace("Problem", "objective", self.objective or _nothing, running, 1),
+            w=self._integrand("objective", running),
             h=h,
             g=g,
-            terminal=trace("Problem", "terminal", self.terminal or _nothing, ends, 1),
+            terminal=self._integrand("terminal", ends),
             t0=t0,
             tf=tf,
             x=x,
@@ -145,6 +153,10 @@ class Problem:
             uf=self._end("uf_bounds", "u_bounds", u, names[1]),
             p=self._pair("parameter_bounds", names[2]),
             h_bounds=h_bounds,
+            at_start=at_start,
+            at_end=at_end,
+            start_bounds=start_bounds,
+            end_bounds=end_bounds,
             g_bounds=g_bounds,
             x_names=names[0],
             u_names=names[1],
@@ -182,6 +194,13 @@ class Problem:
             )
         return bounds[0], bounds[1]
 
+    def _integrand(self, argument: str, inputs: tuple[tuple[str, int], ...]) -> Any:
+        """Return the trace of a function with one value, or of none."""
+        given = getattr(self, argument)
+        if given is None:
+            return _absent(argument, inputs, 1)
+        return trace("Problem", argument, given, inputs, 1)
+
     def _periods(self, names: Sequence[str]) -> list[int]:
         if isinstance(self.periodic, bool):
             return list(range(self.nx)) if self.periodic else []
@@ -193,10 +212,12 @@ class Problem:
         return chosen
 
     def _constraint(
-        self, argument: str, inputs: Sequence[tuple[str, int]], periods: list[int]
+        self, argument: str, inputs: tuple[tuple[str, int], ...], periods: list[int]
     ) -> tuple[Any, Pair]:
         """Trace a constraint; `periods` adds rows xf - x0 = 0 of these states."""
         given = getattr(self, argument)
+        if given is None and not periods:
+            return _absent(argument, inputs, 0), (np.zeros(0), np.zeros(0))
         if given is None:
             function, lower, upper = _no_rows, [], []
         else:
@@ -218,9 +239,10 @@ class Problem:
         return traced, (np.concatenate([low, zeros]), np.concatenate([high, zeros]))
 
 
-def _nothing(*values: Any) -> float:
-    del values
-    return 0.0
+@cache
+def _absent(argument: str, inputs: tuple[tuple[str, int], ...], rows: int) -> Any:
+    """Return the trace of a function that was not given: `rows` zeros."""
+    return trace("Problem", argument, lambda *_: [0.0] * rows, inputs, rows)
 
 
 def _no_rows(*values: Any) -> list[Any]:

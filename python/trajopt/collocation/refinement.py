@@ -3,134 +3,187 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trajopt.collocation.grids import Grid
+from trajopt.collocation.hp import (
+    Step,
+    equal_parts,
+    measured_rates,
+    refine_orthogonal,
+    relative_error,
+)
+from trajopt.collocation.phases import MultiPhaseSolution
 from trajopt.collocation.solution import Solution
 from trajopt.collocation.transcriptions import DEGREE, make_transcription
 from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.status import Status
 
-__all__ = ["Once", "next_mesh", "refine_automatically", "relative_error", "run_schedule"]
+__all__ = ["Once", "next_grid", "refine_automatically", "relative_error", "run_schedule"]
 
 FloatArray = NDArray[np.float64]
-# Solve once: mesh (segments or knots), settings that override the others, guess or None.
-Once = Callable[[Any, Mapping[str, Any], Any], Solution]
-
-# A segment is cut into at most so many (Kelly, figure 7).
-MOST_PARTS = 4
-# The largest error above this multiple of the mean of the segments that need work is a spike:
-# there the mesh is cut, elsewhere the degree is raised.
-SPIKE = 3.0
-# Beyond this degree more segments are cheaper than higher polynomials: the blocks are dense.
-HIGHEST_DEGREE, DEGREE_STEP = 24, 4
-# With one segment the user asked for a global polynomial, which may grow further.
-HIGHEST_GLOBAL_DEGREE = 120
+Found = Solution | MultiPhaseSolution
+# Solve once: a grid per phase, settings, an earlier solution as guess or None.
+Once = Callable[[Sequence[Grid], Mapping[str, Any], Found | None], Found]
+# Grids of what the user gives as segments, and of settings with a degree.
+Grids = Callable[[Any, Mapping[str, Any]], list[Grid]]
 
 
-def relative_error(solution: Solution) -> FloatArray:
-    """Return the error of every segment (N,): the worst state, relative to 1 + max |x|."""
-    size = 1.0 + np.abs(solution.x).max(axis=0)
-    return np.asarray((solution.error / size).max(axis=1), dtype=np.float64)
-
-
-def run_schedule(once: Once, schedule: Sequence[Any]) -> Solution:
+def run_schedule(
+    once: Once, grids: Grids, schedule: Sequence[Any], base: Mapping[str, Any]
+) -> Found:
     """Solve on a list of meshes; each solution is the guess of the next (Kelly, 7.6)."""
     if not len(schedule):
         raise ArgumentError("solve: refine as a list of meshes is empty")
-    plan: list[tuple[Any, dict[str, Any]]] = []
+    plan: list[tuple[list[Grid], dict[str, Any]]] = []
     for entry in schedule:
-        if isinstance(entry, Mapping):
-            settings = dict(entry)
-            unknown = sorted(
-                set(settings) - {"segments", "method", "degree", "points", "substeps", "tolerance"}
+        settings = dict(entry) if isinstance(entry, Mapping) else {"segments": entry}
+        unknown = sorted(
+            set(settings) - {"segments", "method", "degree", "points", "substeps", "tolerance"}
+        )
+        if unknown:
+            raise ArgumentError(
+                f"solve: refine has no setting {unknown[0]!r}, expected segments, method, "
+                "degree, points, substeps, tolerance"
             )
-            if unknown:
-                raise ArgumentError(
-                    f"solve: refine has no setting {unknown[0]!r}, expected segments, method, "
-                    "degree, points, substeps, tolerance"
-                )
-            plan.append((settings.pop("segments", 25), settings))
-        else:
-            plan.append((entry, {}))
-    solution: Solution | None = None
-    for segments, settings in plan:
-        solution = _next(once, segments, settings, solution)
-        if not solution.converged:
+        segments = settings.pop("segments", 25)
+        settings = {**base, **settings}
+        plan.append((grids(segments, settings), settings))
+    found = None
+    for meshes, settings in plan:
+        found = _next(once, meshes, settings, found, None)
+        if not found.converged:
             break
-    assert solution is not None
-    return solution
+    assert found is not None
+    return found
 
 
 def refine_automatically(
-    once: Once, segments: Any, settings: Mapping[str, Any], tolerance: float, most: int
-) -> Solution:
-    """Solve, and refine where the error is above `tolerance`, until none is or `most` passes."""
-    settings = dict(settings)
-    solution = once(segments, settings, None)
+    once: Once, grids: Sequence[Grid], settings: Mapping[str, Any], tolerance: float, most: int
+) -> Found:
+    """Solve, and refine where the error is above `tolerance`, until none is or `most` passes.
+
+    Each phase is refined by its own error; one that is below the tolerance keeps its mesh.
+    """
+    lowest = [_lowest(grid) for grid in grids]
+    found, before = once(grids, settings, None), None
     for _ in range(most):
-        if not solution.converged or relative_error(solution).max() <= tolerance:
+        if not found.converged or _worst(found) <= tolerance:
             break
-        mesh, degree = next_mesh(solution, settings, tolerance)
-        if degree:
-            settings["degree"] = degree
-        solution = _next(once, mesh, settings, solution)
-    worst = float(relative_error(solution).max())
-    if solution.converged and worst > tolerance:
-        solution.message += f"; error {worst:.1e} still above refine = {tolerance:g}"
-    return solution
+        olds = [None] * len(lowest) if before is None else _phases(before)
+        steps = [
+            next_grid(phase, settings, tolerance, low, old)
+            for phase, low, old in zip(_phases(found), lowest, olds, strict=True)
+        ]
+        before = found
+        found = _next(once, [step.grid for step in steps], settings, before, steps)
+    worst = _worst(found)
+    if found.converged and worst > tolerance:
+        found.message += f"; error {worst:.1e} still above refine = {tolerance:g}"
+        for phase in _phases(found):
+            phase.message = found.message
+    return found
 
 
-def next_mesh(
-    solution: Solution, settings: Mapping[str, Any], tolerance: float
-) -> tuple[FloatArray, int]:
-    """Return the knots of a finer mesh in [0, 1], and the degree if it is raised, or 0."""
+def next_grid(
+    solution: Solution,
+    settings: Mapping[str, Any],
+    tolerance: float,
+    lowest: int = DEGREE,
+    before: Solution | None = None,
+) -> Step:
+    """Return a finer grid for one phase: segments cut, or their degree raised.
+
+    `lowest` is the degree of the parts of a segment that is cut because it is not smooth, and
+    `before` the solution of the pass before.
+    """
     error = relative_error(solution)
-    bad = error > tolerance
-    method = str(settings["method"])
+    if error.max() <= tolerance:
+        return Step(Grid(solution.mesh, solution.degrees or None))
+    if solution.degrees:
+
+        def points(n: int) -> FloatArray:
+            method = make_transcription(solution.method, n, settings.get("points"))
+            return np.array(method.points)
+
+        measured = {} if before is None else measured_rates(before, solution)
+        return refine_orthogonal(solution, error, tolerance, lowest, points, measured)
     transcription = make_transcription(
-        method, settings.get("degree"), settings.get("points"), settings.get("substeps")
+        solution.method, None, settings.get("points"), settings.get("substeps")
     )
-    if method in ("chebyshev", "legendre"):
-        degree = settings.get("degree") or DEGREE
-        highest = HIGHEST_GLOBAL_DEGREE if len(error) == 1 else HIGHEST_DEGREE
-        smooth = error.max() <= SPIKE * error[bad].mean() and bad.mean() > 0.5
-        if smooth and degree < highest:
-            step = max(DEGREE_STEP, degree // 2) if len(error) == 1 else DEGREE_STEP
-            return solution.mesh, min(degree + step, highest)
     # The error of a segment falls with the power q of its length; trapezoidal 3, Simpson 4.
     q = len(transcription.points) + 1
-    parts = np.ones(len(error), dtype=int)
-    parts[bad] = np.clip(np.ceil((error[bad] / tolerance) ** (1.0 / q)), 2, MOST_PARTS)
-    knots = [
-        solution.mesh[k] + (solution.mesh[k + 1] - solution.mesh[k]) * np.arange(m) / m
-        for k, m in enumerate(parts)
-    ]
-    return np.append(np.concatenate(knots), 1.0), 0
+    knots: list[FloatArray] = []
+    bad = error > tolerance
+    for k, wrong in enumerate(bad):
+        parts = equal_parts(error[k], tolerance, q) if wrong else 1
+        begin, end = solution.mesh[k : k + 2]
+        knots.append(begin + (end - begin) * np.arange(parts) / parts)
+    return Step(Grid(np.append(np.concatenate(knots), 1.0)), cut=int(bad.sum()))
+
+
+def _lowest(grid: Grid) -> int:
+    """Return the lowest degree that a solve began with."""
+    return int(np.min(DEGREE if grid.degree is None else grid.degree))
+
+
+def _phases(found: Found) -> list[Solution]:
+    return [found] if isinstance(found, Solution) else list(found.phases)
+
+
+def _worst(found: Found) -> float:
+    return max(float(relative_error(phase).max()) for phase in _phases(found))
 
 
 def _next(
-    once: Once, segments: Any, settings: Mapping[str, Any], before: Solution | None
-) -> Solution:
+    once: Once,
+    grids: Sequence[Grid],
+    settings: Mapping[str, Any],
+    before: Found | None,
+    steps: Sequence[Step] | None,
+) -> Found:
     """Solve from `before`, which stays what there is if Ctrl-C comes before the solver starts."""
     try:
-        return _joined(before, once(segments, settings, before))
+        return _joined(before, once(grids, settings, before), steps)
     except KeyboardInterrupt:
         if before is None:
             raise
-        before.status = Status.INTERRUPTED
-        before.message = f"interrupted before the next mesh was solved; {before.message}"
+        message = f"interrupted before the next mesh was solved; {before.message}"
+        for part in (before, *_phases(before)):
+            part.status, part.message = Status.INTERRUPTED, message
         return before
 
 
-def _joined(before: Solution | None, after: Solution) -> Solution:
-    """Return `after` with the passes of both."""
-    if before is not None:
-        after.passes = [*before.passes, *after.passes]
+def _joined(before: Found | None, after: Found, steps: Sequence[Step] | None) -> Found:
+    """Return `after` with the passes of both, the last with what was refined for it."""
+    if before is None:
+        return after
+    for k, (old, new) in enumerate(zip(_phases(before), _phases(after), strict=True)):
+        entry = new.passes[-1]
+        if steps is not None:
+            entry = replace(entry, cut=steps[k].cut, raised=steps[k].raised)
+        new.passes = [*old.passes, entry]
+        new.iterations += old.iterations
+        new.seconds += old.seconds
+    if isinstance(after, MultiPhaseSolution):
         after.iterations += before.iterations
         after.seconds += before.seconds
+    return after
+    for k, (old, new) in enumerate(zip(_phases(before), _phases(after), strict=True)):
+        entry = new.passes[-1]
+        if steps is not None:
+            entry = replace(entry, cut=steps[k].cut, raised=steps[k].raised)
+        new.passes = [*old.passes, entry]
+    for old, new in {
+        id(b): (a, b)
+        for a, b in zip((before, *_phases(before)), (after, *_phases(after)), strict=True)
+    }.values():
+        new.iterations += old.iterations
+        new.seconds += old.seconds
     return after
 
 

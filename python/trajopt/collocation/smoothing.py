@@ -94,10 +94,15 @@ def add_absolute(problem: Problem, argument: Callable[..., Any], weight: float =
     def hidden(function: Callable[..., Any]) -> Callable[..., Any]:
         return lambda t, x, u, *p: function(t, x, u[:nu], *p)
 
+    changes_at_ends: dict[str, Any] = {}
+
     def integrand(t: Any, x: Any, u: Any, *p: Any) -> Any:
         own = 0.0 if problem.objective is None else problem.objective(t, x, u[:nu], *p)
         return _one(own) + weight * (u[nu] + u[nu + 1])
 
+    for name in ("at_start", "at_end"):
+        if (given := getattr(problem, name)) is not None:
+            changes_at_ends[name] = (hidden(given[0]), *given[1:])
     own = problem.path
 
     def path(t: Any, x: Any, u: Any, *p: Any) -> list[Any]:
@@ -105,7 +110,7 @@ def add_absolute(problem: Problem, argument: Callable[..., Any], weight: float =
         return [slack] if own is None else [slack, own[0](t, x, u[:nu], *p)]
 
     lower, upper = problem.phase.h_bounds
-    changes: dict[str, Any] = {
+    changes: dict[str, Any] = changes_at_ends | {
         "dynamics": hidden(problem.dynamics),
         "nu": nu + 2,
         "objective": integrand,

@@ -17,6 +17,7 @@ from trajopt.status import Status
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable
 
     from trajopt.collocation.problem import Problem
 
@@ -33,13 +34,17 @@ class Pass:
     ----------
     method : str
     segments, degree : int
-        Size of the mesh; degree is 0 where the method has a fixed one.
+        Size of the mesh; degree is the highest of all segments, 0 where the method has a fixed one.
     objective : float
     error : float
         Largest entry of the error per segment.
     iterations : int
     seconds : float
     status : Status
+    degrees : tuple of int
+        Degree of every segment; empty where the method has a fixed one.
+    cut, raised : int
+        How many segments of the mesh before were cut, and how many got a higher degree.
     """
 
     method: str
@@ -50,6 +55,9 @@ class Pass:
     iterations: int
     seconds: float
     status: Status
+    degrees: tuple[int, ...] = ()
+    cut: int = 0
+    raised: int = 0
 
 
 @dataclass(eq=False, repr=False)
@@ -80,6 +88,8 @@ class Solution:
         The trajectory between the knots.
     mesh : (N+1,) array
         Knots as shares of the duration.
+    degrees : tuple of int
+        Degree of every segment; empty where the method has a fixed one.
     history : list of dict
         One record per iteration of the last pass.
     passes : list of Pass
@@ -106,6 +116,7 @@ class Solution:
     solver: str
     interpolant: Interpolant
     mesh: FloatArray
+    degrees: tuple[int, ...] = ()
     history: list[dict[str, float]] = field(default_factory=list)
     passes: list[Pass] = field(default_factory=list)
     violations: list[Violation] = field(default_factory=list)
@@ -114,6 +125,7 @@ class Solution:
     u_names: tuple[str, ...] = ()
     result: dict[str, Any] = field(default_factory=dict)
     problem: Problem | None = None
+    adjoint: Callable[[], FloatArray] | None = None
 
     def __repr__(self) -> str:
         return (
@@ -157,6 +169,20 @@ class Solution:
         """Return ε(t) = ẋ(t) − f(t, x(t), u(t)) (Kelly, 5.3): (nx,) or (m, nx) [1/s]."""
         phase, p = self._stated("defect").phase, self.parameters
         return self._at(t, lambda times: dynamics_error(phase, self.interpolant, times, p))
+
+    def costates(self) -> FloatArray:
+        """Return λ = ∂(cost to go)/∂x at the knots (N+1, nx), as the multipliers have it.
+
+        What an indirect method starts from (Kelly, 9.11): along the solution λ' = -∂H/∂x and u
+        minimizes H = w + λ·f. Exact for the discrete problem, so as near to those of the
+        continuous one as the method is. Where a bound of a state holds, λ jumps, and this is its
+        value just before.
+        """
+        if self.adjoint is None:
+            raise ArgumentError(
+                "costates: a solution read from a file does not hold the multipliers"
+            )
+        return self.adjoint()
 
     def objective_along_path(self) -> float:
         """Return the objective integrated along the interpolated trajectory.

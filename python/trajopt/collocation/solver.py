@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.checks import choice, finite_array, positive, whole
-from trajopt.collocation.assembly import Assembly, Part
+from trajopt.checks import choice, positive, whole
+from trajopt.collocation.assembly import Assembly, Link, Part
 from trajopt.collocation.diagnosis import check_start, explain, find_violations, limits_reached
 from trajopt.collocation.errors import segment_errors
+from trajopt.collocation.grids import Grid, make_grids
 from trajopt.collocation.guess import make_guess
 from trajopt.collocation.ipopt import solve_ipopt
 from trajopt.collocation.phases import MultiPhase, MultiPhaseSolution
 from trajopt.collocation.problem import Problem
 from trajopt.collocation.refinement import is_schedule, refine_automatically, run_schedule
 from trajopt.collocation.solution import Pass, Solution
-from trajopt.collocation.transcriptions import DEGREE, make_transcription
+from trajopt.collocation.transcriptions import make_transcription
 from trajopt.errors import ArgumentError, ArgumentTypeError
 
 __all__ = ["SOLVERS", "solve", "solve_once"]
@@ -28,16 +30,6 @@ FloatArray = NDArray[np.float64]
 SOLVERS = ("ipopt", "native")
 # Violations kept with a solution.
 KEPT = 50
-
-
-def make_mesh(segments: Any) -> FloatArray:
-    """Return the knots in [0, 1] of a number of segments, or of a list of knots."""
-    if isinstance(segments, (int, np.integer)) or not np.ndim(segments):
-        return np.linspace(0.0, 1.0, whole("solve", "segments", segments, 1) + 1)
-    mesh = finite_array("solve", "segments", segments, (None,))
-    if len(mesh) < 2 or np.any(np.diff(mesh) <= 0):
-        raise ArgumentError("solve: segments as an array of knots must rise, at least two")
-    return np.asarray((mesh - mesh[0]) / (mesh[-1] - mesh[0]), dtype=np.float64)
 
 
 def run_solver(solver: str) -> Callable[..., dict[str, Any]]:
@@ -51,42 +43,39 @@ def run_solver(solver: str) -> Callable[..., dict[str, Any]]:
 
 
 def solve_once(
-    problem: Problem,
-    mesh: FloatArray,
+    problems: Sequence[Problem],
+    links: Sequence[Link],
+    grids: Sequence[Grid],
+    guesses: Sequence[Any],
     *,
-    guess: Any = None,
-    method: str = "hermite_simpson",
-    degree: int | None = None,
-    points: str | None = None,
-    substeps: int | None = None,
-    solver: str = "ipopt",
-    scaling: str = "none",
+    method: str,
+    points: str | None,
+    substeps: int | None,
+    solver: str,
+    scaling: str,
     warm_start: Mapping[str, Any] | None = None,
     **settings: Any,
-) -> Solution:
-    """Solve `problem` on one mesh; see `solve`."""
-    transcription = make_transcription(method, degree, points, substeps)
-    start = problem.start if guess is None else make_guess("solve", problem.phase, guess)
+) -> tuple[list[Solution], dict[str, Any]]:
+    """Solve all phases on one mesh each; return their trajectories and the solver's result."""
     scaled = choice("solve", "scaling", scaling, ("none", "auto")) == "auto"
-    assembly = Assembly([Part(problem.phase, mesh, start)], transcription, scaled=scaled)
+    methods = [
+        make_transcription(method, grid.degree, points, substeps, len(grid.mesh) - 1)
+        for grid in grids
+    ]
+    parts = [
+        Part(
+            problem.phase,
+            grid.mesh,
+            problem.start if guess is None else make_guess("solve", problem.phase, guess),
+            f"phase {k}: " if len(problems) > 1 else "",
+        )
+        for k, (problem, grid, guess) in enumerate(zip(problems, grids, guesses, strict=True))
+    ]
+    assembly = Assembly(parts, methods, links, scaled)
     check_start(assembly.nlp, _phase_times(assembly, assembly.nlp.p_guess))
     known = warm_start if warm_start and _fits(assembly, warm_start) else None
     result = run_solver(solver)(assembly.nlp, warm_start=known, **settings)
-    (solution,) = _solutions(assembly, result, [problem], method, solver)
-    degree = degree or (DEGREE if method in ("chebyshev", "legendre") else 0)
-    solution.passes = [
-        Pass(
-            method,
-            solution.segments,
-            degree,
-            solution.objective,
-            float(solution.error.max(initial=0.0)),
-            solution.iterations,
-            solution.seconds,
-            solution.status,
-        )
-    ]
-    return solution
+    return _solutions(assembly, result, problems, method, solver), result
 
 
 def _fits(assembly: Assembly, result: Mapping[str, Any]) -> bool:
@@ -100,8 +89,11 @@ def _fits(assembly: Assembly, result: Mapping[str, Any]) -> bool:
 
 
 def _phase_times(assembly: Assembly, p: FloatArray) -> dict[str, FloatArray]:
-    """Return the times of the knots of every phase, by the prefix of its names."""
-    return {part.prefix: assembly.times(k, p) for k, part in enumerate(assembly.parts)}
+    """Return the times of every phase at all nodes, by the prefix of its names."""
+    return {
+        part.prefix: np.pad(assembly.times(k, p), (assembly.first[k], 0), mode="edge")
+        for k, part in enumerate(assembly.parts)
+    }
 
 
 def _solutions(
@@ -122,73 +114,51 @@ def _solutions(
     for index, problem in enumerate(problems):
         interpolant = assembly.interpolant(index, w, p)
         phase, parameters = problem.phase, assembly.parameters(index, p)
-        t = assembly.times(index, p)
+        t, segments = assembly.times(index, p), len(assembly.parts[index].mesh) - 1
+        error = segment_errors(phase, interpolant, parameters, segments)
+        objective = assembly.objective(index, w, p)
+        degrees = assembly.methods[index].degrees(segments)
+        entry = Pass(
+            method=method,
+            segments=segments,
+            degree=max(degrees, default=0),
+            objective=objective,
+            error=float(error.max(initial=0.0)),
+            iterations=result["iterations"],
+            seconds=result["seconds"],
+            status=result["status"],
+            degrees=degrees,
+        )
         found.append(
             Solution(
                 status=result["status"],
                 message=message,
-                objective=assembly.objective(index, w, p),
+                objective=objective,
                 t=t,
                 x=assembly.states(index, w),
                 u=interpolant.control(t),
-                error=segment_errors(phase, interpolant, parameters, assembly.segments),
+                error=error,
                 iterations=result["iterations"],
                 parameters=parameters,
                 method=method,
                 solver=solver,
                 interpolant=interpolant,
                 mesh=assembly.parts[index].mesh,
+                degrees=degrees,
                 history=result["history"],
+                passes=[entry],
                 violations=violations[:KEPT],
                 seconds=result["seconds"],
                 x_names=phase.x_names,
                 u_names=phase.u_names,
                 result=result,
                 problem=problem,
+                adjoint=partial(
+                    assembly.costates, index, w, p, np.asarray(result["multipliers"]["stage"])
+                ),
             )
         )
     return found
-
-
-def solve_phases(
-    problem: MultiPhase,
-    mesh: FloatArray,
-    guess: Any,
-    method: str,
-    solver: str,
-    options_of: Mapping[str, Any],
-    **settings: Any,
-) -> MultiPhaseSolution:
-    """Solve all phases at once, each on the same shares of its own time."""
-    transcription = make_transcription(method, **options_of)
-    if isinstance(guess, MultiPhaseSolution):
-        guess = guess.phases
-    count = len(problem.phases)
-    guesses = [None] * count if guess is None else list(guess)
-    if len(guesses) != count:
-        raise ArgumentError(f"solve: guess has {len(guesses)} entries, expected one per phase")
-    scaled = choice("solve", "scaling", settings.pop("scaling"), ("none", "auto")) == "auto"
-    parts = [
-        Part(
-            phase.phase,
-            mesh,
-            phase.start if own is None else make_guess("solve", phase.phase, own),
-            f"phase {k}: ",
-        )
-        for k, (phase, own) in enumerate(zip(problem.phases, guesses, strict=True))
-    ]
-    assembly = Assembly(parts, transcription, problem.traced, scaled)
-    check_start(assembly.nlp, _phase_times(assembly, assembly.nlp.p_guess))
-    result = run_solver(solver)(assembly.nlp, **settings)
-    found = _solutions(assembly, result, list(problem.phases), method, solver)
-    return MultiPhaseSolution(
-        found,
-        result["objective"],
-        result["status"],
-        found[0].message,
-        result["iterations"],
-        result["seconds"],
-    )
 
 
 @overload
@@ -205,11 +175,11 @@ def solve(
     segments: Any = 25,
     solver: str = "ipopt",
     *,
-    degree: int | None = None,
+    degree: int | Sequence[Any] | None = None,
     points: str | None = None,
     substeps: int | None = None,
     guess: Any = None,
-    warm_start: Solution | None = None,
+    warm_start: Solution | MultiPhaseSolution | None = None,
     tolerance: float = 1e-8,
     max_iterations: int = 3000,
     scaling: str = "none",
@@ -227,11 +197,14 @@ def solve(
         ``trapezoidal``, ``hermite_simpson`` (separated), ``hermite_simpson_compressed``,
         ``multiple_shooting`` (RK4), ``chebyshev`` (Lobatto points) or ``legendre``.
     segments : int or (N+1,) array_like
-        Number of equal segments, or the knots of a mesh.
+        Number of equal segments, or the knots of a mesh; for several phases one for all, or a
+        list with a number or knots for each.
     solver : str
         ``ipopt`` or ``native``.
-    degree : int, optional
-        Of the polynomials of ``chebyshev`` and ``legendre``. One segment makes them global.
+    degree : int or sequence, optional
+        Of the polynomials of ``chebyshev`` and ``legendre``, 4 unless given: one for all segments
+        or a list with one for each; for several phases one for all, or a list with an entry per
+        phase. One segment makes the methods global.
     points : str, optional
         Of ``legendre``: ``gauss``, ``radau`` (default) or ``lobatto``.
     substeps : int, optional
@@ -239,7 +212,7 @@ def solve(
     guess : dict, callable, Solution, optional
         In place of the problem's; for several phases a list with one entry per phase, or an
         earlier solution.
-    warm_start : Solution, optional
+    warm_start : Solution or MultiPhaseSolution, optional
         In place of a guess: start from an earlier solution and, if method and number of segments
         are the same, from its multipliers too.
     tolerance : float
@@ -255,12 +228,12 @@ def solve(
         as Ctrl-C does: the last iterate comes back with status ``interrupted``.
         `IterationPrinter` is one that writes a table.
     refine : float or list, optional
-        A number refines the mesh until the error of every segment and state, relative to
-        1 + max |x|, is below it: segments are cut into two to four, or the degree of orthogonal
-        methods is raised where the error is even. A list is a schedule of meshes in place of
-        `segments`, coarse to fine, each a number of segments, knots, or a dict with ``segments``,
-        ``method``, ``degree``, ``points``, ``substeps``, ``tolerance``. Every solution is the
-        guess of the next; `Solution.passes` reports on all of them.
+        A number refines the meshes of all phases until the error of every segment and state,
+        relative to 1 + max |x|, is below it: segments are cut into two to four, or the degree of
+        orthogonal methods is raised where the solution is smooth. A list is a schedule of meshes
+        in place of `segments`, coarse to fine, each as `segments` may be, or a dict with
+        ``segments``, ``method``, ``degree``, ``points``, ``substeps``, ``tolerance``. Every
+        solution is the guess of the next; `Solution.passes` reports on all of them.
     max_refinements : int
 
     Returns
@@ -277,6 +250,9 @@ def solve(
         raise ArgumentTypeError(
             f"solve: problem must be a Problem or MultiPhase, not {type(problem).__name__}"
         )
+    several = isinstance(problem, MultiPhase)
+    problems = list(problem.phases) if isinstance(problem, MultiPhase) else [problem]
+    links = problem.traced if isinstance(problem, MultiPhase) else ()
     base: dict[str, Any] = {
         "method": method,
         "degree": degree,
@@ -293,39 +269,58 @@ def solve(
     }
     if callback is not None and not callable(callback):
         raise ArgumentTypeError(f"solve: callback must be callable, not {callback!r}")
-
     if warm_start is not None:
         if guess is not None:
             raise ArgumentError("solve: guess and warm_start are given, expected one")
-        if not isinstance(warm_start, Solution) or isinstance(problem, MultiPhase):
+        if not isinstance(warm_start, MultiPhaseSolution if several else Solution):
             raise ArgumentTypeError(
-                "solve: warm_start must be a Solution of one phase, "
+                f"solve: warm_start must be a solution of a {type(problem).__name__}, "
                 f"not {type(warm_start).__name__}"
             )
-    if isinstance(problem, MultiPhase):
-        if refine is not None:
-            raise ArgumentError("solve: refine is for problems of one phase")
-        shape = {name: base.pop(name) for name in ("degree", "points", "substeps")}
-        return solve_phases(problem, make_mesh(segments), guess, options_of=shape, **base, **fixed)
-    single = problem
 
-    def once(mesh: Any, changes: Mapping[str, Any], earlier: Any) -> Solution:
-        start = guess if earlier is None else earlier
-        known = None
-        if earlier is None and warm_start is not None:
-            start, known = warm_start, warm_start.result or None
-        return solve_once(
-            single,
-            make_mesh(mesh),
-            guess=start,
+    def grids(mesh: Any, settings: Mapping[str, Any]) -> list[Grid]:
+        return make_grids(len(problems) if several else None, mesh, settings.get("degree"))
+
+    def once(
+        meshes: Sequence[Grid], settings: Mapping[str, Any], earlier: Any
+    ) -> Solution | MultiPhaseSolution:
+        start = earlier or warm_start or guess
+        known = warm_start.result if warm_start is not None and earlier is None else None
+        found, result = solve_once(
+            problems,
+            links,
+            meshes,
+            _guesses(start, len(problems)) if several else [start],
             warm_start=known,
-            **{**base, **changes},
+            **{name: value for name, value in settings.items() if name != "degree"},
             **fixed,
+        )
+        if not several:
+            return found[0]
+        return MultiPhaseSolution(
+            phases=found,
+            objective=result["objective"],
+            status=result["status"],
+            message=found[0].message,
+            iterations=result["iterations"],
+            seconds=result["seconds"],
+            result=result,
         )
 
     if refine is None:
-        return once(segments, {}, None)
+        return once(grids(segments, base), base, None)
     if is_schedule(refine):
-        return run_schedule(once, refine)
+        return run_schedule(once, grids, refine, base)
     most = whole("solve", "max_refinements", max_refinements, 0)
-    return refine_automatically(once, segments, base, positive("solve", "refine", refine), most)
+    first = grids(segments, base)
+    return refine_automatically(once, first, base, positive("solve", "refine", refine), most)
+
+
+def _guesses(guess: Any, phases: int) -> list[Any]:
+    """Return one guess per phase."""
+    if guess is None:
+        return [None] * phases
+    guesses = list(guess.phases if isinstance(guess, MultiPhaseSolution) else guess)
+    if len(guesses) != phases:
+        raise ArgumentError(f"solve: guess has {len(guesses)} entries, expected one per phase")
+    return guesses

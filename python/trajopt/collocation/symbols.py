@@ -88,6 +88,12 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
+# What to write instead of NumPy functions that cannot be traced.
+_REPLACEMENTS = {
+    "interp": "; write trajopt.collocation.table(x, y), once, outside, and call what it returns",
+}
+
+
 class Symbol:
     """A scalar expression that behaves like a number in NumPy code.
 
@@ -124,7 +130,8 @@ class Symbol:
             return Symbol(casadi.if_else(*(expression(value) for value in arguments)))
         if function is np.clip:
             return apply("clip", *arguments)
-        raise TraceError(f"np.{function.__name__} cannot be traced on a single value")
+        other = _REPLACEMENTS.get(function.__name__, "")
+        raise TraceError(f"np.{function.__name__} cannot be traced on a single value{other}")
 
     def __bool__(self) -> bool:
         raise TraceError(

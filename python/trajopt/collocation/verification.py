@@ -78,13 +78,15 @@ def check_derivatives(problem: Problem, samples: int = 10, seed: int = 0) -> lis
         ("dynamics", phase.f, running),
         ("objective", phase.w, running),
         ("path", phase.h, running),
+        ("at_start", phase.at_start, running),
+        ("at_end", phase.at_end, running),
         ("boundary", phase.g, ends),
         ("terminal", phase.terminal, ends),
     ):
         given = getattr(problem, name)
         if given is None:
             continue
-        function = given[0] if name in ("path", "boundary") else given
+        function = given[0] if isinstance(given, (tuple, list)) else given
         points = [_point(problem, inputs, random) for _ in range(samples)]
         found.append(_compare(name, function, traced, inputs, points))
     return found

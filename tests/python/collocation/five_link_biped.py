@@ -6,11 +6,12 @@ e(q) = (-sin q, cos q), which makes mass matrix, centrifugal and gravity terms s
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trajopt import collocation as col
+if TYPE_CHECKING:
+    from trajopt import collocation as col
 
 G = 9.81
 MASS = [3.2, 6.8, 20.0, 6.8, 3.2]
@@ -113,6 +114,8 @@ def boundary(t0: Any, tf: Any, x0: Any, xf: Any) -> list[Any]:
 
 
 def biped() -> col.Problem:
+    from trajopt import collocation as col  # the functions above serve other libraries too
+
     first = np.array([-0.3, 0.7, 0.0, -0.5, -0.6])
     last = first[::-1]
     rate = (last - first) / STEP_TIME

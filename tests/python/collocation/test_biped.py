@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -184,6 +185,30 @@ def test_the_other_gait(side: str, expected: float) -> None:
     """From no torque at all the solver finds another local optimum; for one side a better one."""
     solution = col.solve(model.problem(side, knee_torque=0.0), segments=25)
     assert solution.objective == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_foot_clears_what_it_has_to() -> None:
+    """(7.6), a height over time, changes the gait; (7.7), one over the way, does not."""
+    biped = BIPEDS["hip"]
+
+    def above(height: Any) -> Any:
+        def room(t: Any, x: Any, u: Any) -> list[Any]:
+            foot = biped.points(x[:5])[5]
+            return [foot[1] - height(t, foot[0])]
+
+        return room, 0.0, None
+
+    def walk(height: Any) -> col.Solution:
+        problem = replace(model.problem(), path=above(height))
+        return col.solve(problem, segments=25, solver="native")
+
+    over_time = walk(lambda t, x: 0.1 * np.sin(np.pi * t / 0.7))
+    assert over_time.status is Status.SOLVED
+    assert over_time.objective == pytest.approx(394.98282, abs=1e-4)
+    heights = np.array([biped.points(row[:5])[5][1] for row in over_time.x])
+    assert (heights - 0.1 * np.sin(np.pi * over_time.t / 0.7)).min() > -1e-7
+    over_way = walk(lambda t, x: 0.05 * (1 - (x / 0.5) ** 2))
+    assert over_way.objective == pytest.approx(390.79043694, abs=1e-5)
 
 
 def test_coarse_to_fine() -> None:

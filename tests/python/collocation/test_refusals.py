@@ -103,7 +103,7 @@ def test_guess_and_warm_start() -> None:
     solution = col.solve(block(), segments=2)
     with pytest.raises(ArgumentError, match="expected one"):
         col.solve(block(), guess={}, warm_start=solution)
-    with pytest.raises(TypeError, match="warm_start must be a Solution"):
+    with pytest.raises(TypeError, match="warm_start must be a solution of a Problem"):
         col.solve(block(), warm_start={})  # type: ignore[call-overload]
 
 

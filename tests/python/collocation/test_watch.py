@@ -17,6 +17,7 @@ import pytest
 from collocation.problems import block, cart_pole
 from trajopt import ArgumentTypeError, Status
 from trajopt import collocation as col
+from trajopt.collocation.grids import Grid, make_grids
 from trajopt.collocation.refinement import refine_automatically, run_schedule
 
 SOLVERS = ("ipopt", "native")
@@ -187,16 +188,19 @@ def test_ctrl_c_between_two_meshes_keeps_the_first() -> None:
             raise KeyboardInterrupt
         return dataclasses.replace(first)
 
+    def grids(mesh: Any, settings: Any) -> list[Grid]:
+        return make_grids(None, mesh, None)
+
     for found in (
-        run_schedule(once, [5, 10]),
-        refine_automatically(once, 5, {"method": "hermite_simpson"}, 1e-9, 3),
+        run_schedule(once, grids, [5, 10], {}),
+        refine_automatically(once, grids(5, {}), {"method": "hermite_simpson"}, 1e-9, 3),
     ):
         assert found.status is Status.INTERRUPTED
         assert found.objective == first.objective
         assert "before the next mesh" in found.message
     assert len(calls) == 4
     with pytest.raises(KeyboardInterrupt):
-        run_schedule(lambda *_: once(*_[:2], first), [5])
+        run_schedule(lambda *_: once(*_[:2], first), grids, [5], {})
 
 
 def test_printer() -> None:

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
 from trajopt.checks import choice, whole
 from trajopt.collocation.transcriptions.base import Segment, Transcription
 from trajopt.collocation.transcriptions.hermite_simpson import (
     HermiteSimpson,
     HermiteSimpsonCompressed,
 )
+from trajopt.collocation.transcriptions.mixed import Mixed
 from trajopt.collocation.transcriptions.multiple_shooting import MultipleShooting
-from trajopt.collocation.transcriptions.orthogonal import chebyshev, legendre
+from trajopt.collocation.transcriptions.orthogonal import Orthogonal, chebyshev, legendre
 from trajopt.collocation.transcriptions.trapezoidal import Trapezoidal
 from trajopt.errors import ArgumentError
 
@@ -28,7 +35,11 @@ DEGREE = 4
 
 
 def make_transcription(
-    method: str, degree: int | None = None, points: str | None = None, substeps: int | None = None
+    method: str,
+    degree: int | Sequence[int] | None = None,
+    points: str | None = None,
+    substeps: int | None = None,
+    segments: int | None = None,
 ) -> Transcription:
     """Return the transcription of a name.
 
@@ -36,12 +47,15 @@ def make_transcription(
     ----------
     method : str
         One of `METHODS`.
-    degree : int, optional
-        For ``chebyshev`` and ``legendre``: polynomial degree of a segment, 4 unless given.
+    degree : int or sequence of int, optional
+        For ``chebyshev`` and ``legendre``: polynomial degree of all segments, 4 unless given, or
+        one of every segment.
     points : str, optional
         For ``legendre``: ``gauss``, ``radau`` (default) or ``lobatto``.
     substeps : int, optional
         For ``multiple_shooting``: Runge–Kutta steps per segment, 4 unless given.
+    segments : int, optional
+        How many degrees there have to be.
 
     Raises
     ------
@@ -66,10 +80,23 @@ def make_transcription(
     if method == "multiple_shooting":
         return MultipleShooting(whole("solve", "substeps", 4 if substeps is None else substeps, 1))
     if method in ("chebyshev", "legendre"):
-        degree = whole("solve", "degree", DEGREE if degree is None else degree, 1)
-        if method == "chebyshev":
-            return chebyshev(degree)
         kind = choice("solve", "points", "radau" if points is None else points, POINTS)
-        return legendre(degree, kind)
+        family = chebyshev if method == "chebyshev" else partial(legendre, points=kind)
+        return _orthogonal(family, DEGREE if degree is None else degree, segments)
     simple = (Trapezoidal, HermiteSimpson, HermiteSimpsonCompressed)
     return next(kind() for kind in simple if kind.name == method)
+
+
+def _orthogonal(family: Any, degree: int | Sequence[int], segments: int | None) -> Transcription:
+    """Return one method for all segments, or one with a degree for every segment."""
+    if not np.ndim(degree):
+        found: Orthogonal = family(whole("solve", "degree", degree, 1))
+        return found
+    assert not isinstance(degree, int)
+    degrees = [whole("solve", f"degree[{k}]", n, 1) for k, n in enumerate(degree)]
+    if not degrees or len(degrees) != (segments or len(degrees)):
+        raise ArgumentError(
+            f"solve: degree has {len(degrees)} entries, expected one for each of the "
+            f"{segments} segments"
+        )
+    return Mixed(family, degrees) if len(set(degrees)) > 1 else family(degrees[0])

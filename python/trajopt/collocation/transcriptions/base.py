@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 __all__ = ["Segment", "Slope", "Transcription"]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 # f or w at a point of the segment: (position in [0, 1], x, u) -> value.
 Slope = Callable[[float, Any, Any], Any]
 
@@ -64,6 +65,36 @@ class Transcription(ABC):
     def path_points(self) -> tuple[float, ...]:
         """Where the path constraint holds, below 1."""
         return tuple(c for c in self.points if c < 1)
+
+    # Where segments differ (see `Mixed`), positions are only names of points, and the numbers in
+    # which the segments differ are data of the stages.
+
+    def degrees(self, segments: int) -> tuple[int, ...]:
+        """Return the degree of every segment; empty where the method has a fixed one."""
+        del segments
+        return ()
+
+    def data(self, segments: int) -> FloatArray:
+        """Return the numbers of every segment that its equations read: (segments, m)."""
+        return np.zeros((segments, 0))
+
+    def given(self, data: Any) -> Transcription:
+        """Return the method with a row of `data`, as symbols, in its equations."""
+        del data
+        return self
+
+    def place(self, c: float) -> Any:
+        """Return where in [0, 1] the point named c lies: a share, or one of every segment."""
+        return c
+
+    def uses(self, c: float, segments: int) -> BoolArray:
+        """Return which segments have unknowns at the point named c."""
+        del c
+        return np.ones(segments, dtype=bool)
+
+    def holds(self, rows: int, segments: int) -> BoolArray:
+        """Return which of the equations hold in which segments: (rows, segments)."""
+        return np.ones((rows, segments), dtype=bool)
 
     @abstractmethod
     def segment(

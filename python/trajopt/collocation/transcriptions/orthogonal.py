@@ -9,6 +9,7 @@ used: with two points it is trapezoidal, with three Hermite–Simpson collocatio
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any
 
@@ -26,7 +27,7 @@ from trajopt.collocation.polynomials import (
 )
 from trajopt.collocation.transcriptions.base import Segment, Slope, Transcription
 
-__all__ = ["Gauss", "Lobatto", "Radau", "chebyshev", "legendre"]
+__all__ = ["Gauss", "Lobatto", "Orthogonal", "Radau", "chebyshev", "legendre"]
 
 FloatArray = NDArray[np.float64]
 
@@ -36,7 +37,38 @@ def _shares(points: FloatArray) -> tuple[float, ...]:
     return tuple(float(c) for c in 0.5 * (points + 1.0))
 
 
-class Lobatto(Transcription):
+class Orthogonal(Transcription):
+    """What the three families share: `degree` points of a segment's own, a matrix and weights.
+
+    Every equation is a row of the matrix, and every cost a sum with the weights, so that segments
+    of another degree differ in numbers only.
+    """
+
+    degree: int
+    # Whether the last entry of (points, rows of the matrix, its columns) belongs to the end.
+    ends: tuple[bool, bool, bool]
+    # Equations before those of the matrix's rows.
+    leading = 0
+    matrix: Any
+    weights: Any
+    _places: dict[float, Any] | None = None
+
+    def degrees(self, segments: int) -> tuple[int, ...]:
+        """Return the degree, once per segment."""
+        return (self.degree,) * segments
+
+    def place(self, c: float) -> Any:
+        """Return c, or the symbol that stands for it."""
+        return c if self._places is None else self._places.get(c, c)
+
+    def with_numbers(self, places: Mapping[float, Any], matrix: Any, weights: Any) -> Orthogonal:
+        """Return the method with others in place of its points, matrix and weights."""
+        other = copy.copy(self)
+        other._places, other.matrix, other.weights = dict(places), matrix, weights
+        return other
+
+
+class Lobatto(Orthogonal):
     """Collocation at points that include both ends of a segment.
 
     Parameters
@@ -49,28 +81,29 @@ class Lobatto(Transcription):
     """
 
     shared_end = True
+    ends = (True, True, True)
 
     def __init__(self, name: str, points: FloatArray, order: int) -> None:
-        self.name, self.order = name, order
+        self.name, self.order, self.degree = name, order, len(points) - 1
         self.points = _shares(points)
         self.state_points = self.control_points = self.points[:-1]
-        self._integral = 0.5 * integration_matrix(points)[1:]
-        self._weights = 0.5 * quadrature_weights(points)
+        self.matrix = 0.5 * integration_matrix(points)[1:]
+        self.weights = 0.5 * quadrature_weights(points)
 
     def segment(
         self, f: Slope, w: Slope, h: Any, x: Mapping[float, Any], u: Mapping[float, Any]
     ) -> Segment:
         """Return x_i = x_0 + h Σ_j A_ij f_j for every point but the first."""
         slopes = [f(c, x[c], u[c]) for c in self.points]
-        cost = _sum(self._weights, [w(c, x[c], u[c]) for c in self.points])
+        cost = _sum(self.weights, [w(c, x[c], u[c]) for c in self.points])
         defects = []
-        for c, row in zip(self.points[1:], self._integral, strict=True):
+        for c, row in zip(self.points[1:], self.matrix, strict=True):
             name = "dynamics" if c == 1 else f"collocation at {c:.3g}"
             defects.append((name, x[c] - x[0.0] - h * _sum(row, slopes)))
         return Segment(h * cost, defects)
 
 
-class Radau(Transcription):
+class Radau(Orthogonal):
     """Collocation at n Legendre–Gauss–Radau points: the start of a segment and inside.
 
     Parameters
@@ -81,13 +114,14 @@ class Radau(Transcription):
 
     name = "legendre"
     shared_end = False
+    ends = (False, False, True)
 
     def __init__(self, count: int) -> None:
         points = legendre_radau(count)
-        self.order = 2 * count - 1
+        self.order, self.degree = 2 * count - 1, count
         self.points = self.state_points = self.control_points = _shares(points)
-        self._derivative = 2.0 * differentiation_matrix(np.append(points, 1.0))[:-1]
-        self._weights = 0.5 * quadrature_weights(points)
+        self.matrix = 2.0 * differentiation_matrix(np.append(points, 1.0))[:-1]
+        self.weights = 0.5 * quadrature_weights(points)
 
     def segment(
         self, f: Slope, w: Slope, h: Any, x: Mapping[float, Any], u: Mapping[float, Any]
@@ -95,14 +129,14 @@ class Radau(Transcription):
         """Return Σ_j D_ij x_j = h f_i over the points and the end, which is not collocated."""
         states = [x[c] for c in (*self.points, 1.0)]
         defects = []
-        for i, (c, row) in enumerate(zip(self.points, self._derivative, strict=True)):
+        for i, (c, row) in enumerate(zip(self.points, self.matrix, strict=True)):
             name = "dynamics" if i == 0 else f"collocation at {c:.3g}"
             defects.append((name, _sum(row, states) - h * f(c, x[c], u[c])))
-        cost = _sum(self._weights, [w(c, x[c], u[c]) for c in self.points])
+        cost = _sum(self.weights, [w(c, x[c], u[c]) for c in self.points])
         return Segment(h * cost, defects)
 
 
-class Gauss(Transcription):
+class Gauss(Orthogonal):
     """Collocation at n Legendre–Gauss points, all inside the segment.
 
     Parameters
@@ -113,14 +147,16 @@ class Gauss(Transcription):
 
     name = "legendre"
     shared_end = False
+    ends = (False, False, False)
+    leading = 1
 
     def __init__(self, count: int) -> None:
         points = legendre_gauss(count)
-        self.order = 2 * count
+        self.order, self.degree = 2 * count, count
         self.points = self.control_points = _shares(points)
         self.state_points = (0.0, *self.points)
-        self._derivative = 2.0 * differentiation_matrix(np.append(-1.0, points))[1:]
-        self._weights = 0.5 * quadrature_weights(points)
+        self.matrix = 2.0 * differentiation_matrix(np.append(-1.0, points))[1:]
+        self.weights = 0.5 * quadrature_weights(points)
 
     def segment(
         self, f: Slope, w: Slope, h: Any, x: Mapping[float, Any], u: Mapping[float, Any]
@@ -128,22 +164,22 @@ class Gauss(Transcription):
         """Return Σ_j D_ij x_j = h f_i over start and points, and the quadrature to the end."""
         states = [x[c] for c in self.state_points]
         slopes = [f(c, x[c], u[c]) for c in self.points]
-        end = x[1.0] - x[0.0] - h * _sum(self._weights, slopes)
+        end = x[1.0] - x[0.0] - h * _sum(self.weights, slopes)
         defects = [("dynamics", end)]
-        for c, row, slope in zip(self.points, self._derivative, slopes, strict=True):
+        for c, row, slope in zip(self.points, self.matrix, slopes, strict=True):
             defects.append((f"collocation at {c:.3g}", _sum(row, states) - h * slope))
-        cost = _sum(self._weights, [w(c, x[c], u[c]) for c in self.points])
+        cost = _sum(self.weights, [w(c, x[c], u[c]) for c in self.points])
         return Segment(h * cost, defects)
 
 
-def chebyshev(degree: int) -> Transcription:
+def chebyshev(degree: int) -> Orthogonal:
     """Return collocation on degree + 1 Chebyshev–Lobatto points."""
     # Clenshaw–Curtis quadrature is exact to the degree, one more if the rule is symmetric.
     exact = degree + 1 if degree % 2 == 0 else degree
     return Lobatto("chebyshev", chebyshev_lobatto(degree), exact + 1)
 
 
-def legendre(degree: int, points: str) -> Transcription:
+def legendre(degree: int, points: str) -> Orthogonal:
     """Return collocation on Legendre points of the kind gauss, radau or lobatto."""
     if points == "gauss":
         return Gauss(degree)
@@ -152,9 +188,11 @@ def legendre(degree: int, points: str) -> Transcription:
     return Lobatto("legendre", legendre_lobatto(degree), 2 * degree)
 
 
-def _sum(weights: FloatArray, values: list[Any]) -> Any:
+def _sum(weights: Any, values: list[Any]) -> Any:
     total: Any = 0.0
     for weight, value in zip(weights, values, strict=True):
-        if weight != 0.0:
+        if not isinstance(weight, float):
+            total = total + weight * value
+        elif weight != 0.0:
             total = total + float(weight) * value
     return total
