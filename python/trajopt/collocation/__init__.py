@@ -10,8 +10,8 @@ from trajopt.collocation.problem import Problem
 from trajopt.collocation.smoothing import add_absolute, smooth_abs, smooth_max, smooth_min
 from trajopt.collocation.solution import Pass, Solution
 from trajopt.collocation.solver import solve
-from trajopt.collocation.symbols import TraceError, linear_solve
 from trajopt.collocation.verification import DerivativeCheck, check_derivatives
+from trajopt.tracing import TraceError, linear_solve
 
 __all__ = [
     "DerivativeCheck",
