@@ -20,6 +20,7 @@ from trajopt.terms import TermBuilder
 if TYPE_CHECKING:
     from trajopt.model import Model
     from trajopt.problem import Problem
+    from trajopt.traced import TracedResidual
     from trajopt.world import ResolvedContact
 
 __all__ = ["Stage", "Transcription"]
@@ -80,6 +81,7 @@ class Transcription:
         )
         self.factors: dict[str, float] | None = None  # of the tasks, once normalized
         self._place: FloatArray | None = None
+        self.residuals: dict[str, TracedResidual] = {}  # of the user, by label
         self.settle_residual = 0.0
 
     def on_grid(self, steps: FloatArray) -> Transcription:
@@ -154,14 +156,15 @@ class Transcription:
 
     # ---- objective -------------------------------------------------------------------------------
 
-    def _builder(self, initial: FloatArray) -> TermBuilder:
+    def _builder(self, initial: FloatArray, counts: FloatArray | float = 1.0) -> TermBuilder:
         problem = self.problem
         builder = TermBuilder(
             problem.model, self.core, self.scales, problem.times, problem.steps, initial
         )
         for label, term in zip(self._labels(), problem.terms, strict=True):
-            builder.start(label, (self.factors or {}).get(label, 1.0))
+            builder.start(label, (self.factors or {}).get(label, 1.0), counts)
             term.emit(builder)
+        self.residuals = builder.residuals
         return builder
 
     def normalize(self, initial: FloatArray) -> None:
@@ -179,7 +182,8 @@ class Transcription:
         }
         for label, term in tasks.items():
             cost = values.get(label, 0.0)
-            self.factors[label] = term.weight / cost if cost > UNREACHED else 1.0  # type: ignore[attr-defined]
+            reached = not UNREACHED < cost < np.inf  # what is not finite is for check_start to name
+            self.factors[label] = 1.0 if reached else term.weight / cost  # type: ignore[attr-defined]
 
     def _labels(self) -> list[str]:
         counts: dict[str, int] = {}
@@ -200,6 +204,10 @@ class Transcription:
         """`_core.TrajectoryProblem` of a stage; `initial` holds frames -1 and 0 in SI."""
         self.normalize(initial)
         return self._core_problem(stage, initial, self._builder(initial[1]).objective)
+
+    def counting(self, stage: Stage, initial: FloatArray, counts: FloatArray) -> Any:
+        """Return the same with a factor for every frame's share of the objective."""
+        return self._core_problem(stage, initial, self._builder(initial[1], counts).objective)
 
     def _core_problem(self, stage: Stage, initial: FloatArray, objective: Any) -> Any:
         problem = self.problem

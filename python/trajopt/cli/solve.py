@@ -103,7 +103,7 @@ def _scenario(name: str | None, start: Solution | None, resume: Path | None) -> 
     if origin is None:
         raise ScenarioError(f"{resume}: does not say which scenario it is of: name it")
     check_schema(origin["settings"])
-    return Scenario(origin["name"], origin["settings"], Path(origin["folder"]))
+    return Scenario(origin["name"], origin["settings"], Path(origin["folder"]), origin["name"])
 
 
 def _report(solution: Solution, target: Path, *, as_json: bool) -> None:
