@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
+from trajopt.checks import choice, non_negative, positive, whole
 from trajopt.devices import choose_device
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
 from trajopt.finite import check_start
 from trajopt.interrupt import InterruptFlag
 from trajopt.methods import METHODS, paper_problem, run_core
-from trajopt.options import check_options
 from trajopt.records import IterationRecord
 from trajopt.refinement import interval_errors, refine_until
 from trajopt.result import build_solution
@@ -32,6 +32,7 @@ __all__ = ["Stage", "solve"]
 FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 1000
+ORDERINGS = ("auto", "sequential", "cyclic", "chunked")
 
 
 @dataclass
@@ -173,31 +174,29 @@ def solve(
         Bad arguments, before any work starts.
     """
     _check_problem(problem, warm_start, callback)
-    check_options(
-        {
-            "method": method,
-            "ordering": ordering,
-            "threads": threads,
-            "max_iterations": max_iterations,
-            "seed": seed,
-            "max_refinements": max_refinements,
-            "tolerance": tolerance,
-            "constraint_tolerance": constraint_tolerance,
-            "noise": noise,
-            "stages": stages,
-            "refine": refine,
-        }
-    )
+    choice("solve", "method", method, METHODS)
+    choice("solve", "ordering", ordering, ORDERINGS)
     # A GPU only when it is asked for.
     device = "cpu" if device == "auto" else choose_device(device)
     if device == "cuda" and method != "default":
         raise DeviceError(f"solve: method {method!r} runs on the CPU only, not on device 'cuda'")
+    if threads is not None:
+        whole("solve", "threads", threads, 1)
+    if max_iterations is not None:
+        whole("solve", "max_iterations", max_iterations, 1)
+    whole("solve", "seed", seed, 0)
+    whole("solve", "max_refinements", max_refinements, 0)
+    positive("solve", "tolerance", tolerance)
+    positive("solve", "constraint_tolerance", constraint_tolerance)
+    non_negative("solve", "noise", noise)
     if method == "paper":
         problem = paper_problem(problem)
-    if refine is not None and (problem.formulation != "frames" or problem.periodic):
-        kind = "periodic" if problem.periodic else problem.formulation
-        raise ArgumentError(f"solve: refine needs frames that are not periodic, not {kind}")
-    passes = list(enumerate(METHODS[method].stages if stages is None else stages))
+    if refine is not None:
+        positive("solve", "refine", refine)
+        if problem.formulation != "frames" or problem.periodic:
+            kind = "periodic" if problem.periodic else problem.formulation
+            raise ArgumentError(f"solve: refine needs frames that are not periodic, not {kind}")
+    passes = list(enumerate(_stages(METHODS[method].stages if stages is None else stages)))
     if problem.contact is None and stages is None:
         passes = passes[-1:]  # nothing that could grow stiffer
     if warm_start is not None and stages is None:
@@ -232,6 +231,12 @@ def _check_problem(problem: Any, warm_start: Any, callback: Any) -> None:
         raise ArgumentTypeError(f"solve: callback must be callable, not {callback!r}")
     if not any(getattr(term, "weight", 1.0) > 0 for term in problem.terms):
         raise ArgumentError("Problem: no objective term with a weight > 0; add one with add()")
+
+
+def _stages(stages: Sequence[Stage]) -> Sequence[Stage]:
+    if not stages or not all(isinstance(stage, Stage) for stage in stages):
+        raise ArgumentTypeError(f"solve: stages must be a list of Stage, not {stages!r}")
+    return stages
 
 
 def _refine(

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -187,6 +188,14 @@ def test_defects_give_one_line_and_code_3(
     assert "TRAJOPT_TRACEBACK=1" in err
     monkeypatch.setenv("TRAJOPT_TRACEBACK", "1")
     assert "Traceback" in run(capsys, "plot", saved)[2]
+
+
+def test_exit_codes_reach_the_shell() -> None:
+    command = [sys.executable, "-m", "trajopt"]
+    assert subprocess.run([*command, "scenarios"], capture_output=True, check=False).returncode == 0
+    bad = subprocess.run([*command, "solve", "hopp"], capture_output=True, check=False)
+    assert bad.returncode == 2
+    assert bad.stderr.startswith(b"error: unknown scenario 'hopp'")
 
 
 def test_warnings_are_one_line(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trajopt.errors import ArgumentError
+from trajopt.interrupt import InterruptFlag
 from trajopt.methods import METHODS
 from trajopt.records import continued
 from trajopt.scenarios import Scenario, ScenarioError, load_scenario
@@ -76,20 +77,23 @@ def solve(
         }
     }
     checkpoint = target.with_suffix(".checkpoint.npz")
-    with nullcontext() if json or quiet else printer() as show:
-        solution = trajopt.solve(
-            problem,
-            device=device,
-            warm_start=start,
-            callback=chain(show, CheckpointWriter(checkpoint, settings=origin)),
-            **options,
-        )
-    if start is not None:
-        solution.history = continued(start.history, solution.history)
-    solution.settings |= origin
-    solution.save(target)
-    checkpoint.unlink(missing_ok=True)
-    _report(solution, target, as_json=json)
+    # Until the motion is in its file, no Ctrl-C interrupts anything: it ends the solve.
+    note = f"stopping after this iteration, to write {target}; another Ctrl-C changes nothing"
+    with InterruptFlag(insist=False, note=note):
+        with nullcontext() if json or quiet else printer() as show:
+            solution = trajopt.solve(
+                problem,
+                device=device,
+                warm_start=start,
+                callback=chain(show, CheckpointWriter(checkpoint, settings=origin)),
+                **options,
+            )
+        if start is not None:
+            solution.history = continued(start.history, solution.history)
+        solution.settings |= origin
+        solution.save(target)
+        checkpoint.unlink(missing_ok=True)
+        _report(solution, target, as_json=json)
     raise typer.Exit(0 if solution.converged else 1)
 
 

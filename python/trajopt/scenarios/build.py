@@ -58,7 +58,6 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
 
 
 def _options(table: dict[str, Any]) -> dict[str, Any]:
-    from trajopt.options import check_options
     from trajopt.solver import Stage
 
     options = dict(table)
@@ -67,7 +66,6 @@ def _options(table: dict[str, Any]) -> dict[str, Any]:
             call_with(Stage, stage, f"[[solver.stages]] {number + 1}")
             for number, stage in enumerate(table["stages"])
         ]
-    call_with(check_options, {"options": options}, "[solver]", owner="solve")
     return options
 
 
