@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
-from trajopt.checks import finite_array, non_negative, number
+from trajopt.checks import finite_array, non_negative, number, numbers
 from trajopt.errors import ArgumentError, ArgumentTypeError
-from trajopt.model import BALL, SLIDE
+from trajopt.kinematics import BALL, SLIDE
 
 if TYPE_CHECKING:
     from trajopt.model import Model
@@ -110,7 +110,7 @@ class TermBuilder:
         return out
 
     def _indices(self, owner: str, time: Any) -> NDArray[np.intp]:
-        wanted = finite_array(owner, "time", np.atleast_1d(_numbers(owner, "time", time)), (None,))
+        wanted = finite_array(owner, "time", np.atleast_1d(numbers(owner, "time", time)), (None,))
         half = 0.51 * (self.times[-1] - self.times[0]) / max(self.frames - 1, 1)
         for t in wanted:
             if not self.times[0] - half <= t <= self.times[-1] + half:
@@ -126,7 +126,7 @@ class TermBuilder:
         self, owner: str, position: Any, time: Any, weight: float
     ) -> tuple[FloatArray, FloatArray]:
         """Weights (N,) and scaled positions (N, 3) of a target, or of K targets at K times."""
-        array = _numbers(owner, "position", position)
+        array = numbers(owner, "position", position)
         shape: tuple[int | None, ...] = (3,) if array.ndim == 1 else (None, 3)
         array = finite_array(owner, "position", position, shape) / self.scales.length
         target = np.zeros((self.frames, 3))
@@ -171,7 +171,7 @@ class TermBuilder:
             dofs = list(pose) if dofs is None else dofs
             array = array[None]
         else:
-            one = _numbers(owner, "pose", pose).ndim == 1
+            one = numbers(owner, "pose", pose).ndim == 1
             shape = (self.model.ndof,) if one else (None, self.model.ndof)
             array = np.atleast_2d(finite_array(owner, "pose", pose, shape))
         if dofs is not None:
@@ -285,12 +285,3 @@ def has_free_base(model: Model) -> bool:
         and list(model.joint_type[:4]) == [SLIDE, SLIDE, SLIDE, BALL]
         and not model.actuated[:6].any()
     )
-
-
-def _numbers(owner: str, argument: str, value: Any) -> FloatArray:
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentTypeError(
-            f"{owner}: {argument} must be an array of numbers, not {value!r}"
-        ) from error

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trajopt import _core
 from trajopt.errors import ArgumentError
-from trajopt.interpolation import ball_slices
+from trajopt.kinematics import ball_slices
 from trajopt.rotations import left_jacobian_inverse
 
 if TYPE_CHECKING:

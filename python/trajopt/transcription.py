@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from trajopt import _core
 from trajopt.checks import positive, whole
-from trajopt.model import SLIDE
+from trajopt.kinematics import SLIDE, ball_slices
 from trajopt.physics import make_physics
 from trajopt.scaling import Scales
 from trajopt.settle import free_bases, ground_gap, lower, settle, warn_of_gap, warn_of_unrest
@@ -253,7 +253,6 @@ class Transcription:
 
     def to_si(self, q: FloatArray) -> FloatArray:
         """The core's configurations (n, nq) to SI coordinates (n, D), continuous over frames."""
-        from trajopt.interpolation import ball_slices
         from trajopt.rotations import nearest
 
         x = np.asarray(_core.configuration_to_vector(self.core, q)) * self.scales.coordinate

@@ -66,7 +66,7 @@ MISTAKES = {
     "negative weight": ({"weight": "-1.0"}, "weight must be >= 0, not -1.0"),
     "negative stiffness": (
         {"extra": "[contact]\nnormal = -5.0"},
-        "normal must be finite and at least 0, not -5.0",
+        "mine.toml: [contact]: normal must be >= 0, not -5.0",
     ),
     "negative limit": ({"grid": "limit = -1.0"}, "limit must be >= 0"),
     "friction without normal": (

@@ -146,12 +146,12 @@ def test_only_terms_are_added(term):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"normal": -1.0}, "normal must be finite and at least 0, not -1.0"),
-        ({"friction": float("nan")}, "friction must be finite and at least 0, not nan"),
-        ({"damping": -0.1}, "damping must be finite and at least 0"),
+        ({"normal": -1.0}, "normal must be >= 0, not -1.0"),
+        ({"friction": float("nan")}, "friction must be finite, not nan"),
+        ({"damping": -0.1}, "damping must be >= 0, not -0.1"),
         ({"normal": 0.0, "friction": 5.0}, "friction = 5 needs a normal stiffness > 0, not 0"),
         ({"model": "sticky"}, "model must be smooth or coulomb, not 'sticky'"),
-        ({"slip_velocity": 0.0}, "slip_velocity must be positive"),
+        ({"slip_velocity": 0.0}, "slip_velocity must be > 0, not 0.0"),
     ],
 )
 def test_bad_contact(arguments, message):

@@ -11,6 +11,7 @@ from trajopt.audit.between import fine_violation, residual_work
 from trajopt.audit.contacts import LOADED_SHARE, contact_state, count_changes, flights
 from trajopt.audit.motion import Motion
 from trajopt.audit.replay import replay_drift
+from trajopt.norms import largest, rms
 
 __all__ = ["Audit", "audit"]
 
@@ -156,16 +157,16 @@ def audit(motion: Motion) -> Audit:
     return Audit(
         body_weight=state.body_weight,
         length=float(model.length),
-        frame_violation_max=_largest(frame),
-        frame_violation_rms=_rms(frame),
-        fine_violation_max=_largest(fine),
-        fine_violation_rms=_rms(fine),
+        frame_violation_max=largest(frame),
+        frame_violation_rms=rms(frame),
+        fine_violation_max=largest(fine),
+        fine_violation_rms=rms(fine),
         replay_duration=replay.duration,
         replay_rms=replay.rms,
         replay_max=replay.max,
         work_gained=gained,
         work_lost=lost,
-        penetration_max=_largest(state.depth),
+        penetration_max=largest(state.depth),
         penetration_rms=state.penetration_rms,
         slip_rms=state.slip_rms,
         slip_max=state.slip_max,
@@ -182,11 +183,3 @@ def audit(motion: Motion) -> Audit:
         apex_height=float(center[apex, 2]),
         apex_time=float(motion.times[apex]),
     )
-
-
-def _rms(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _largest(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    return float(np.max(np.abs(values), initial=0.0))
