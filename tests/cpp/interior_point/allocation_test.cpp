@@ -1,31 +1,8 @@
 // Between the first and the last iteration nothing is allocated.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
+#include "counting_allocator.h"
 #include "interior_point/analytic.h"
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-void* operator new(std::size_t bytes) {
-  ++allocations;
-  if (void* p = std::malloc(bytes ? bytes : 1)) return p;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t bytes, std::align_val_t alignment) {
-  ++allocations;
-  const std::size_t step = static_cast<std::size_t>(alignment);
-  if (void* p = std::aligned_alloc(step, (bytes + step - 1) / step * step)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 
 namespace trajopt::interior_point {
 namespace {
@@ -56,8 +33,8 @@ TEST(Allocation, NoneInTheIterations) {
   point.x.back() = 1.0;
   long first = 0, last = 0;
   const Outcome out = a.solve(point, {}, [&](const Record& r, const double*) {
-    if (r.iteration == 1) first = allocations;
-    last = allocations;
+    if (r.iteration == 1) first = trajopt::test::allocations;
+    last = trajopt::test::allocations;
     return true;
   });
   EXPECT_EQ(out.status, Status::solved) << out.message;
