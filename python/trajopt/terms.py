@@ -12,11 +12,11 @@ from trajopt import _core
 from trajopt.checks import finite_array, non_negative, number, numbers
 from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.kinematics import BALL, SLIDE
+from trajopt.scaling import Scales
 
 if TYPE_CHECKING:
     from trajopt.model import Model
     from trajopt.problem import Problem
-    from trajopt.scaling import Scales
     from trajopt.traced import Trace, TracedResidual
 
 __all__ = ["TermBuilder", "has_free_base"]
@@ -66,8 +66,6 @@ class TermBuilder:
     @classmethod
     def of(cls, problem: Problem) -> TermBuilder:
         """Return the builder that finds mistakes in terms before anything is solved."""
-        from trajopt.scaling import Scales
-
         model, scales = problem.model, Scales.of(problem.model, problem.gravity)
         core = _core.Model(**model.core_arguments(scales.mass, scales.length))
         return cls(model, core, scales, problem.times, problem.steps, problem.initial.pose)
