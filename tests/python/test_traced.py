@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import math
+import pickle
 import sys
 
 import casadi
@@ -159,6 +160,14 @@ def test_a_function_is_called_once():
     problem.add(Residual(counted), ControlEffort())
     trajopt.solve(problem, threads=1, max_iterations=3)
     assert len(calls) == 1
+
+
+def test_a_problem_with_a_residual_can_be_sent_to_another_process():
+    problem = trajopt.Problem(trajopt.load_model("chain"), duration=1.0, dt=0.05)
+    problem.add(Residual(mixed), ControlEffort())
+    copy = pickle.loads(pickle.dumps(problem))
+    here, there = (trajopt.solve(p, threads=1, max_iterations=2) for p in (problem, copy))
+    assert np.array_equal(here.x, there.x)
 
 
 @pytest.mark.parametrize(

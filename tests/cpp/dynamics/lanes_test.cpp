@@ -12,7 +12,7 @@
 
 namespace trajopt {
 
-TRAJOPT_KERNEL_VARIANTS(FrameKernels, kFrameKernels)
+TRAJOPT_KERNEL_TABLE(FrameKernels, kFrameKernels, frame_tables)
 
 namespace {
 
@@ -110,7 +110,7 @@ TEST_P(Lanes, BitsOfTheScalarResidual) {
     for (const double* j : jacobians)
       for (int r : f.model.unactuated) jacobian.insert(jacobian.end(), j + r * d, j + (r + 1) * d);
   }
-  for (const auto& [name, kernels] : variants()) {
+  for (const auto& [name, kernels] : test::runnable(frame_tables())) {
     const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(in));
     Outputs out(f);
     linearize(*kernels, in, scratch.get(), out.pointers());
@@ -124,7 +124,7 @@ TEST_P(Lanes, SameBitsForEveryInstructionSet) {
   Frames f(GetParam());
   const FrameInput in = f.input();
   Outputs reference(f);
-  for (const auto& [name, kernels] : variants()) {
+  for (const auto& [name, kernels] : test::runnable(frame_tables())) {
     const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(in));
     Outputs out(f);
     linearize(*kernels, in, scratch.get(), out.pointers());
@@ -139,7 +139,7 @@ TEST_P(Lanes, NoAllocation) {
   Frames f(GetParam());
   const FrameInput in = f.input();
   Outputs out(f);
-  for (const auto& [name, kernels] : variants()) {
+  for (const auto& [name, kernels] : test::runnable(frame_tables())) {
     const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(in));
     linearize(*kernels, in, scratch.get(), out.pointers());
     const long before = test::allocations;

@@ -17,7 +17,7 @@
 
 namespace trajopt {
 
-TRAJOPT_KERNEL_VARIANTS(BatchKernels, kBatchKernels)
+TRAJOPT_KERNEL_TABLE(BatchKernels, kBatchKernels, batch_tables)
 
 namespace {
 
@@ -142,7 +142,7 @@ TEST(Batch, BitsOfTheScalarResidual) {
       dynamics_residual<double, Chart::vector, true>(v, physics, stencil, nodes, ws,
                                                      fd.data() + i * d, jacobians);
     }
-    for (const auto& [name, kernels] : variants()) {
+    for (const auto& [name, kernels] : test::runnable(batch_tables())) {
       const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(v));
       for (bool derivatives : {false, true}) {
         std::vector<double> force(fd.size(), -1.0), jacobian(js.size(), -1.0);
