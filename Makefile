@@ -7,6 +7,7 @@
 #   make docs    the documentation as a web site, under build/site
 #   make format  let ruff and clang-format rewrite the files
 #   make bench   benchmarks of the core
+#   make asan    C++ tests under the address and undefined-behaviour sanitizers; `make tsan` for races
 #   make clean   remove build trees and results; `make distclean` removes .venv too
 
 PYTHON ?= python3
@@ -19,8 +20,8 @@ PIP := $(BIN)/python -m pip install --quiet
 CPP_FILES = $(shell find cpp python/bindings tests/cpp bench cuda -name '*.h' -o -name '*.cpp' \
                     -o -name '*.cu' -o -name '*.cuh' 2>/dev/null)
 
-.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp docs format tidy bench clean \
-        distclean install
+.PHONY: demo test test-cpp test-python lint lint-python lint-types lint-cpp docs format tidy asan tsan bench \
+        clean distclean install
 .DELETE_ON_ERROR:
 
 # --- environment ---------------------------------------------------------------------------------
@@ -93,6 +94,24 @@ format: $(VENV)/extra-dev
 tidy: $(VENV)/extra-dev
 	cmake --preset cpu
 	$(BIN)/clang-tidy -p build/cpu --quiet $(filter cpp/%.cpp,$(CPP_FILES))
+
+# Memory, undefined behaviour and races in the C++ tests. Slow: a quarter of an hour each.
+asan: $(VENV)/build-tools
+	@.ci/native-dependency gtest/gtest.h libgtest-dev
+	cmake --preset asan
+	cmake --build --preset asan
+	ctest --preset asan
+
+# OpenMP's barriers are known to the sanitizer by Archer, which comes with LLVM's runtime.
+LLVM_LIBRARIES = $(abspath $(dir $(realpath $(shell command -v clang++)))../lib)
+
+tsan: $(VENV)/build-tools
+	@.ci/native-dependency gtest/gtest.h libgtest-dev
+	@test -e "$(LLVM_LIBRARIES)/libarcher.so" \
+	  || { echo "error: no clang++ with OpenMP; on Debian: apt-get install clang libomp-dev"; exit 1; }
+	cmake --preset tsan
+	cmake --build --preset tsan
+	OMP_TOOL_LIBRARIES=$(LLVM_LIBRARIES)/libarcher.so ctest --preset tsan
 
 bench: $(VENV)/build-tools
 	@.ci/native-dependency benchmark/benchmark.h libbenchmark-dev

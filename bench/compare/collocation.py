@@ -119,14 +119,14 @@ def replace(rows: list[dict[str, Any]], row: dict[str, Any], keys: tuple[str, ..
 def solvers(name: str, rounds: int) -> dict[str, Any]:
     import numpy as np
 
-    from collocation.five_link_biped import biped
+    from collocation.examples import example
     from collocation.problems import cart_pole
     from trajopt.collocation.assembly import Assembly, Part
     from trajopt.collocation.native import NativeSolver
     from trajopt.collocation.transcriptions import make_transcription
 
     which, segments, limit = CASES[name]
-    problem = {"cart_pole": cart_pole, "biped": biped}[which]()
+    problem = cart_pole() if which == "cart_pole" else example("_biped_model").problem()
     began = time.perf_counter()
     part = Part(problem.phase, np.linspace(0.0, 1.0, segments + 1), problem.start)
     nlp = Assembly([part], make_transcription("hermite_simpson")).nlp

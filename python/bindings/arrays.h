@@ -4,6 +4,7 @@
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,19 @@ void require_shape(const A& array, const std::vector<long>& shape, const char* n
 
 inline py::array_t<double> empty(const std::vector<py::ssize_t>& shape) {
   return py::array_t<double>(shape);
+}
+
+inline std::vector<double> to_vector(const Array& a) { return {a.data(), a.data() + a.size()}; }
+
+inline py::array_t<double> to_array(const std::vector<double>& v,
+                                    const std::vector<py::ssize_t>& shape) {
+  py::array_t<double> a(shape);
+  std::copy(v.begin(), v.end(), a.mutable_data());
+  return a;
+}
+
+inline py::array_t<double> to_array(const std::vector<double>& v) {
+  return to_array(v, {static_cast<py::ssize_t>(v.size())});
 }
 
 }  // namespace trajopt::bindings

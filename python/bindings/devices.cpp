@@ -54,6 +54,7 @@ std::string cuda_unavailable() {
 }  // namespace
 
 void register_devices(py::module_& m) {
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): the type that pybind11 asks for
   py::register_exception_translator([](std::exception_ptr p) {
     try {
       if (p) std::rethrow_exception(p);

@@ -81,6 +81,7 @@ py::tuple refine(Factorization& f, const SymmetricBlockTridiagonal& a, const Arr
 }  // namespace
 
 void register_linalg(py::module_& m) {
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): the type that pybind11 asks for
   py::register_exception_translator([](std::exception_ptr p) {
     try {
       if (p) std::rethrow_exception(p);

@@ -12,14 +12,6 @@ namespace trajopt::bindings {
 
 namespace {
 
-std::vector<double> to_vector(const Array& a) { return {a.data(), a.data() + a.size()}; }
-
-py::array_t<double> to_array(const std::vector<double>& v, const std::vector<py::ssize_t>& shape) {
-  py::array_t<double> out(shape);
-  if (!v.empty()) std::memcpy(out.mutable_data(), v.data(), v.size() * sizeof(double));
-  return out;
-}
-
 DenseKind parse_dense(const std::string& name) {
   static const std::pair<const char*, DenseKind> kNames[] = {
       {"center_of_mass_velocity", DenseKind::center_of_mass_velocity},
@@ -178,7 +170,7 @@ void register_problem(py::module_& m) {
           [](const TrajectoryProblem& p, const Array& frames) {
             require_shape(frames, {p.frame_count(), p.model().nq}, "frames");
             const State s = p.state_from_frames(frames.data());
-            return to_array(s, {static_cast<long>(s.size())});
+            return to_array(s);
           },
           "frames"_a, "State whose frames 1..N are (or are splined through) the given (N, nq).")
       .def(
@@ -199,7 +191,7 @@ void register_problem(py::module_& m) {
             require_shape(step, {static_cast<long>(p.nodes()) * p.primal()}, "step");
             State out;
             p.retract(to_vector(state), step.data(), out);
-            return to_array(out, {static_cast<long>(out.size())});
+            return to_array(out);
           },
           "state"_a, "step"_a)
       .def(

@@ -3,10 +3,10 @@
 
 #include <pybind11/stl.h>
 
-#include <cstring>
 #include <string>
 
 #include "arrays.h"
+#include "linalg_arrays.h"
 #include "trajopt/solver/solver.h"
 
 namespace trajopt::bindings {
@@ -34,40 +34,31 @@ inline py::dict record_dict(const IterationRecord& r) {
   return d;
 }
 
-inline py::array_t<double> state_array(const State& state) {
-  py::array_t<double> out(static_cast<py::ssize_t>(state.size()));
-  std::memcpy(out.mutable_data(), state.data(), state.size() * sizeof(double));
-  return out;
+// Lets Python's signal handlers run. False after Ctrl-C, which is a stop that keeps the iterate;
+// any other handler's exception passes on.
+inline bool undisturbed() {
+  if (PyErr_CheckSignals() == 0) return true;
+  const py::error_already_set error;
+  if (error.matches(PyExc_KeyboardInterrupt)) return false;
+  throw error;
 }
 
-// Wraps a Python observer: takes the GIL, and turns Ctrl-C into a stop that keeps the iterate.
+// Wraps a Python observer, for which it takes the GIL.
 inline Observer make_observer(const py::object& function) {
   return [function](const IterationRecord& record, const State& state) {
     const py::gil_scoped_acquire gil;
-    if (PyErr_CheckSignals() != 0) {
-      const py::error_already_set error;
-      if (error.matches(PyExc_KeyboardInterrupt)) return false;
-      throw error;
-    }
+    if (!undisturbed()) return false;
     if (function.is_none()) return true;
-    const py::object go = function(record_dict(record), state_array(state));
+    const py::object go = function(record_dict(record), to_array(state));
     return go.is_none() || go.cast<bool>();
   };
-}
-
-inline linalg::Ordering parse_ordering(const std::string& name) {
-  if (name == "auto") return linalg::Ordering::automatic;
-  if (name == "sequential") return linalg::Ordering::sequential;
-  if (name == "cyclic") return linalg::Ordering::cyclic;
-  if (name == "chunked") return linalg::Ordering::chunked;
-  throw ArgumentError("ordering = '" + name + "': expected auto, sequential, cyclic or chunked");
 }
 
 // solve(problem, options, state, observer) without the GIL; (status, message, iterations, state).
 template <class Solve, class Options>
 py::tuple run_solver(Solve solve, TrajectoryProblem& problem, const Options& options,
                      const Array& initial, const py::object& observer) {
-  State state(initial.data(), initial.data() + initial.size());
+  State state = to_vector(initial);
   const Observer watch = make_observer(observer);
   Result result;
   {
@@ -75,7 +66,7 @@ py::tuple run_solver(Solve solve, TrajectoryProblem& problem, const Options& opt
     result = solve(problem, options, state, watch);
   }
   return py::make_tuple(status_name(result.status), result.message, result.iterations,
-                        state_array(state));
+                        to_array(state));
 }
 
 }  // namespace trajopt::bindings

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trajopt.errors import ArgumentError, ArgumentTypeError
 
-__all__ = ["choice", "finite_array", "non_negative", "number", "positive", "whole"]
+__all__ = ["choice", "finite_array", "non_negative", "number", "numbers", "positive", "whole"]
 
 
 def number(owner: str, argument: str, value: Any) -> float:
@@ -83,6 +83,16 @@ def choice(owner: str, argument: str, value: Any, valid: Iterable[str]) -> str:
     return value
 
 
+def numbers(owner: str, argument: str, value: Any) -> NDArray[np.float64]:
+    """Return `value` as an array of numbers of whatever shape."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentTypeError(
+            f"{owner}: {argument} must be an array of numbers, not {value!r}"
+        ) from error
+
+
 def finite_array(
     owner: str, argument: str, value: Any, shape: tuple[int | None, ...]
 ) -> NDArray[np.float64]:
@@ -93,12 +103,7 @@ def finite_array(
     ArgumentError, ArgumentTypeError
         Names the shape, or the first entry that is not finite.
     """
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentTypeError(
-            f"{owner}: {argument} must be an array of numbers, not {value!r}"
-        ) from error
+    array = numbers(owner, argument, value)
     fits = array.ndim == len(shape) and all(
         want is None or have == want for have, want in zip(array.shape, shape, strict=True)
     )

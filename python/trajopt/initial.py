@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from trajopt.checks import finite_array, non_negative, number
 from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.settle import free_bases
 
 if TYPE_CHECKING:
     from trajopt.model import Model
+    from trajopt.world import World
 
 __all__ = ["InitialState", "parse_initial"]
 
@@ -39,14 +41,16 @@ class InitialState:
     height: float | None = None
 
 
-def parse_initial(model: Model, initial: Any) -> InitialState:
-    """Read `initial` of `Problem`.
+def parse_initial(model: Model, world: World, initial: Any) -> InitialState:
+    """Read `initial` of `Problem`; what was read already is returned as it is.
 
     Raises
     ------
     ArgumentError, ArgumentTypeError
         Names the key or coordinate, its value and the expectation.
     """
+    if isinstance(initial, InitialState):
+        return initial
     if not isinstance(initial, Mapping):
         initial = {"pose": "home" if initial is None else initial}
     unknown = set(initial) - {"pose", "height", "velocity"}
@@ -56,26 +60,37 @@ def parse_initial(model: Model, initial: Any) -> InitialState:
         )
     pose = initial.get("pose", "home")
     height = initial.get("height")
+    if height is not None:
+        height = non_negative("initial", "height", height)
+        if not (free_bases(model) and model.npoints and world.obstacles):
+            raise ArgumentError(
+                f"initial: height = {height:g} needs a model with a free base and contact points, "
+                "and a ground below it"
+            )
     return InitialState(
         model.home.copy()
         if isinstance(pose, str) and pose == "home"
-        else _coordinates(model, "initial pose", pose, model.home),
-        _coordinates(model, "initial velocity", initial.get("velocity", {}), np.zeros(model.ndof)),
-        None if height is None else non_negative("initial", "height", height),
+        else _coordinates(model, "pose", pose, model.home),
+        _coordinates(model, "velocity", initial.get("velocity", {}), np.zeros(model.ndof)),
+        height,
     )
 
 
 def _coordinates(model: Model, what: str, value: Any, default: FloatArray) -> FloatArray:
     if isinstance(value, str):
-        raise ArgumentTypeError(f"{what}: expected 'home', an array or a table, not {value!r}")
+        home = "'home', " if what == "pose" else ""
+        raise ArgumentTypeError(
+            f"initial: {what} must be {home}an array or values by name, not {value!r}"
+        )
     if not isinstance(value, Mapping):
-        return finite_array("Problem", what, value, (model.ndof,))
+        return finite_array("initial", what, value, (model.ndof,))
     out = default.copy()
     names = list(model.dof_names)
     for name, entry in value.items():
         if name not in names:
             raise ArgumentError(
-                f"{what}: no coordinate is called {name!r}; the model has {', '.join(names)}"
+                f"initial: {what} names {name!r}, but the model's coordinates are "
+                f"{', '.join(names)}"
             )
-        out[names.index(name)] = number(what, name, entry)
+        out[names.index(name)] = number("initial", f"{what} of {name}", entry)
     return out

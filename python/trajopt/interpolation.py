@@ -10,37 +10,14 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from trajopt.errors import ArgumentError
+from trajopt.kinematics import ball_slices
 
 if TYPE_CHECKING:
     from trajopt.model import Model
 
-__all__ = ["Interpolant", "ball_slices"]
+__all__ = ["Interpolant"]
 
 FloatArray = NDArray[np.float64]
-
-_BALL = 2  # joint type of the core: 0 slide, 1 hinge, 2 ball
-
-
-def ball_slices(model: Model) -> list[slice]:
-    """Return where the rotation vectors of the ball joints stand in x.
-
-    Parameters
-    ----------
-    model : Model
-        Character with D degrees of freedom.
-
-    Returns
-    -------
-    list of slice
-        One slice of length 3 a ball joint, from the root outward.
-    """
-    slices, start = [], 0
-    for kind in np.asarray(model.core_arguments()["joint_type"]):
-        width = 3 if kind == _BALL else 1
-        if kind == _BALL:
-            slices.append(slice(start, start + width))
-        start += width
-    return slices
 
 
 class Interpolant:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trajopt import rotations
-from trajopt.errors import ArgumentError, ArgumentTypeError, ModelError
+from trajopt import kinematics
+from trajopt.kinematics import BALL, HINGE, SLIDE
+from trajopt.model_arrays import core_arguments, from_arrays, to_arrays
 from trajopt.rigid import apply, compose, transform_pseudo_inertia
 
 if TYPE_CHECKING:
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     Ints = NDArray[np.int32]
 
 __all__ = ["BALL", "HINGE", "SLIDE", "Model"]
-
-# Types of joints, as the compiled core numbers them.
-SLIDE, HINGE, BALL = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -237,24 +235,7 @@ class Model:
         -------
         ndarray, shape (..., J, 3, 4)
         """
-        x = self.check_configuration("x", x)
-        out = np.empty((*x.shape[:-1], len(self.joint_type), 3, 4))
-        for j, (kind, parent, dof) in enumerate(
-            zip(self.joint_type, self.joint_parent, self.joint_dof, strict=True)
-        ):
-            frame = self.joint_offset[j]
-            if parent >= 0:
-                frame = compose(out[..., parent, :, :], frame)
-            axis = self.joint_axis[j]
-            motion = np.zeros((*x.shape[:-1], 3, 4))
-            if kind == SLIDE:
-                motion[..., :3] = np.eye(3)
-                motion[..., 3] = x[..., dof, None] * axis
-            else:
-                r = x[..., dof, None] * axis if kind == HINGE else x[..., dof : dof + 3]
-                motion[..., :3] = rotations.exp(r)
-            out[..., j, :, :] = compose(frame, motion)
-        return out
+        return kinematics.joint_transforms(self, x)
 
     def transforms(self, x: ArrayLike) -> Floats:
         """World transforms [R t] of the bodies' frames.
@@ -358,14 +339,7 @@ class Model:
         -------
         ndarray, shape (..., D)
         """
-        x = self.check_configuration("x", x)
-        delta = self.check_configuration("delta", delta)
-        out = np.asarray(x + delta)
-        for d in self.joint_dof[self.joint_type == BALL]:
-            ball = slice(d, d + 3)
-            turned = rotations.exp(delta[..., ball]) @ rotations.exp(x[..., ball])
-            out[..., ball] = rotations.nearest(rotations.log(turned), x[..., ball])
-        return out
+        return kinematics.integrate(self, x, delta)
 
     def difference(self, a: ArrayLike, b: ArrayLike) -> Floats:
         """Tangent vector that leads from a to b: ``integrate(a, difference(a, b))`` is b.
@@ -379,30 +353,11 @@ class Model:
         ndarray, shape (..., D)
             Rotations of balls are at most π.
         """
-        a, b = self.check_configuration("a", a), self.check_configuration("b", b)
-        out = np.asarray(b - a)
-        for d in self.joint_dof[self.joint_type == BALL]:
-            ball = slice(d, d + 3)
-            relative = rotations.exp(b[..., ball]) @ np.swapaxes(
-                rotations.exp(a[..., ball]), -1, -2
-            )
-            out[..., ball] = rotations.log(relative)
-        return out
+        return kinematics.difference(self, a, b)
 
     def check_configuration(self, argument: str, value: ArrayLike) -> Floats:
         """Check the shape (..., D) and that every number is finite."""
-        try:
-            array = np.asarray(value, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise ArgumentTypeError(f"{argument} must be an array of numbers: {error}") from error
-        if array.ndim == 0 or array.shape[-1] != self.ndof:
-            raise ArgumentError(
-                f"{argument} has shape {array.shape}; model '{self.name}' needs (..., {self.ndof})"
-            )
-        if not np.isfinite(array).all():
-            dof = int(np.argwhere(~np.isfinite(array))[0][-1])
-            raise ArgumentError(f"{argument} is not finite at dof '{self.dof_names[dof]}'")
-        return array
+        return kinematics.check_configuration(self, argument, value)
 
     # --- dynamics -------------------------------------------------------------------------------
 
@@ -489,29 +444,7 @@ class Model:
         -------
         dict
         """
-        scale = np.array([1 / length] * 3 + [1.0])
-        offset = self.joint_offset.copy()
-        offset[:, :, 3] /= length
-        slides = np.zeros(self.ndof, dtype=bool)
-        slides[self.joint_dof[self.joint_type == SLIDE]] = True
-        unit = np.where(slides, length, 1.0)
-        return {
-            "joint_type": self.joint_type,
-            "joint_parent": self.joint_parent,
-            "joint_offset": offset,
-            "joint_axis": self.joint_axis,
-            "link_inertia": self.link_inertia * np.outer(scale, scale) / mass,
-            "lower": self.lower / unit,
-            "upper": self.upper / unit,
-            "actuated": self.actuated,
-            "point_joint": self.point_joint,
-            "point_position": self.point_position / length,
-            "point_radius": self.point_radius / length,
-            "sphere_joint": self.sphere_joint,
-            "sphere_position": self.sphere_position / length,
-            "sphere_radius": self.sphere_radius / length,
-            "sphere_pairs": self.sphere_pairs,
-        }
+        return core_arguments(self, mass, length)
 
     # --- persistence ----------------------------------------------------------------------------
 
@@ -534,15 +467,7 @@ class Model:
         dict of str to ndarray
             Fit for ``numpy.savez``; :meth:`from_dict` restores the model bit by bit.
         """
-        out = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is None:
-                value = np.zeros(0)
-            elif isinstance(value, tuple) and not value:
-                value = np.zeros(0, dtype="U1")
-            out[field.name] = np.asarray(value)
-        return out
+        return to_arrays(self)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, ArrayLike]) -> Model:
@@ -568,19 +493,4 @@ class Model:
         >>> Model.from_dict(model.to_dict()).dof_names == model.dof_names
         True
         """
-        values: dict[str, Any] = {}
-        for field in fields(cls):
-            if field.name not in data:
-                raise ModelError(f"saved model lacks '{field.name}'")
-            array = np.asarray(data[field.name])
-            if field.name in ("name", "xml"):
-                values[field.name] = str(array)
-            elif field.name in ("joint_names", "dof_names", "body_names", "notes"):
-                values[field.name] = tuple(str(text) for text in array)
-            elif field.name == "leg_length":
-                values[field.name] = float(array) if array.size else None
-            elif field.name == "ground":
-                values[field.name] = tuple(float(v) for v in array) if array.size else None
-            else:
-                values[field.name] = array
-        return cls(**values)
+        return cls(**from_arrays(cls, data))

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from trajopt.checks import finite_array, non_negative
+from trajopt.errors import ArgumentTypeError
 
 if TYPE_CHECKING:
     from trajopt.terms import TermBuilder
+    from trajopt.traced import Trace
 
 __all__ = [
     "CenterOfMassPosition",
@@ -404,8 +406,9 @@ class Residual(_Term):
     Parameters
     ----------
     function : callable
-        ``f(x2, x1, x)`` with the coordinates of frames i-2, i-1 and i [m, rad] as CasADi columns
-        of length D (index them, use NumPy functions); returns one expression or a sequence.
+        ``f(x2, x1, x)`` with the coordinates of frames i-2, i-1 and i [m, rad] as arrays of D
+        symbols: NumPy functions and arithmetic, no branches on values. Returns one expression or
+        a sequence. It is called once for a model's number of coordinates, when it is first added.
     weight : float
         Factor of the mean square.
     name : str
@@ -420,10 +423,28 @@ class Residual(_Term):
     function: Callable[[Any, Any, Any], Any] = field(repr=False)
     weight: float = 1.0
     name: str = "residual"
+    _traces: dict[int, Trace] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not callable(self.function):
+            raise ArgumentTypeError(
+                f"Residual: function must be a function f(x2, x1, x), not {self.function!r}"
+            )
+        if not isinstance(self.name, str) or not self.name:
+            raise ArgumentTypeError(f"Residual: name must be a string, not {self.name!r}")
+
+    def trace(self, ndof: int) -> Trace:
+        """Return the function, traced for frames of `ndof` coordinates."""
+        from trajopt.traced import Trace
+
+        if ndof not in self._traces:
+            self._traces[ndof] = Trace(self.name, self.function, ndof)
+        return self._traces[ndof]
 
     def emit(self, build: TermBuilder) -> None:
         """Write the term into the core's objective."""
-        build.traced(self.name, self.function, self.weight)
+        build.traced(self.trace(build.model.ndof), self.weight)
 
 
 def regularizers(effort: float = 1.0) -> list[_Term]:

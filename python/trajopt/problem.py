@@ -11,7 +11,6 @@ from trajopt.checks import choice, finite_array, non_negative, positive, whole
 from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.initial import InitialState, parse_initial
 from trajopt.physics import INTEGRATORS, InternalForces
-from trajopt.settle import free_bases
 from trajopt.world import Contact, World
 
 if TYPE_CHECKING:
@@ -122,14 +121,7 @@ class Problem:
             non_negative("Problem", "limit", limit),
             non_negative("Problem", "self_collision", self_collision),
         )
-        self.initial: InitialState = parse_initial(model, initial)
-        if self.initial.height is not None and not (
-            free_bases(model) and model.npoints and self.world.obstacles
-        ):
-            raise ArgumentError(
-                f"initial: height = {self.initial.height:g} needs a model with a free base and "
-                "contact points, and a ground below it"
-            )
+        self.initial: InitialState = parse_initial(model, self.world, initial)
         self.terms: list[_Term] = []
         self._check_grid()
 
@@ -180,8 +172,24 @@ class Problem:
         -------
         Problem
             The problem itself, so that calls can be chained.
+
+        Raises
+        ------
+        ArgumentError, ArgumentTypeError
+            A term does not fit the model or the time grid: a wrong shape, a body that does not
+            exist, a time after the end. None of `terms` is added then.
+
+        Examples
+        --------
+        >>> import trajopt
+        >>> problem = trajopt.Problem(trajopt.load_model("chain"), duration=1.0, dt=0.025)
+        >>> problem.add(trajopt.objectives.CenterOfMassVelocity((1, 0, 0), start=2))
+        Traceback (most recent call last):
+        ...
+        trajopt.errors.ArgumentError: CenterOfMassVelocity: start = 2 s lies behind the end at 1 s
         """
         from trajopt.objectives import _Term
+        from trajopt.terms import TermBuilder
 
         for term in terms:
             if isinstance(term, (list, tuple)):
@@ -194,6 +202,9 @@ class Problem:
                     "Problem.add: expected a term of trajopt.objectives, got "
                     f"{type(term).__name__}; terms are objects, such as ControlEffort(weight=0.1)"
                 )
+        trial = TermBuilder.of(self)
+        for term in terms:
+            term.emit(trial)
         self.terms.extend(terms)
         return self
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trajopt.finite import check_start
 from trajopt.methods import CoreResult
 from trajopt.records import IterationRecord
 from trajopt.refinement import interval_errors, refine_until
@@ -189,6 +190,8 @@ def _stages(
             state = _perturb(transcription, core, state, transcription.noise(rng, noise))
         else:
             state = core.state_from_frames(transcription.to_core(guess))
+        if index == todo[0][0]:
+            check_start(transcription, core, state, stage, initial)
         last = index == todo[-1][0]
         budget = limit - len(run.history)
         if stage.iterations is not None and not last:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trajopt.norms import largest, rms
 from trajopt.records import IterationRecord
 from trajopt.status import Status
 
@@ -161,9 +162,9 @@ class Solution:
             "iterations": self.iterations,
             "objective": _number(self.objective),
             "constraint_violation": _number(self.constraint_violation),
-            "frame_violation_max": _number(_largest(self.frame_violation) / weight),
-            "frame_violation_rms": _number(_rms(self.frame_violation) / weight),
-            "fine_violation_rms": _number(_rms(self.fine_violation) / weight),
+            "frame_violation_max": _number(largest(self.frame_violation, np.nan) / weight),
+            "frame_violation_rms": _number(rms(self.frame_violation, np.nan) / weight),
+            "fine_violation_rms": _number(rms(self.fine_violation, np.nan) / weight),
             "body_weight": _number(weight),
             "seconds": self.seconds,
             "device": self.device,
@@ -215,14 +216,6 @@ class Solution:
         from trajopt.storage import load_solution
 
         return load_solution(path)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
-
-
-def _largest(values: FloatArray) -> float:
-    return float(np.max(np.abs(values))) if values.size else float("nan")
 
 
 def _number(value: float) -> float | None:

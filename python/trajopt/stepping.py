@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from trajopt.errors import TrajoptError
-from trajopt.interpolation import ball_slices
+from trajopt.kinematics import ball_slices
 
 if TYPE_CHECKING:
     from trajopt.model import Model

@@ -22,13 +22,17 @@ from trajopt.records import IterationRecord
 from trajopt.status import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
+    from collections.abc import Callable, Sequence
 
     from trajopt.solution import Solution
 
-__all__ = ["FileFormatError", "load_solution", "save_solution", "write_atomically"]
+__all__ = [
+    "FileFormatError",
+    "load_solution",
+    "read_archive",
+    "save_solution",
+    "write_atomically",
+]
 
 FORMAT = "trajopt-trajectory"
 VERSION = 1
@@ -92,7 +96,7 @@ def load_solution(path: str | os.PathLike[str]) -> Solution:
     from trajopt.model import Model
     from trajopt.solution import Solution
 
-    entries = _read(Path(path))
+    entries = read_archive(Path(path), FORMAT, VERSION, "trajectory", REQUIRED)
     try:
         info = json.loads(str(entries["info"]))
         model = {name[len(MODEL) :]: entries[name] for name in entries if name.startswith(MODEL)}
@@ -138,8 +142,27 @@ def write_atomically(path: str | os.PathLike[str], write: Callable[[IO[bytes]], 
         raise
 
 
-def _read(path: Path) -> dict[str, NDArray[Any]]:
-    """Return all entries of the archive at `path` after checking that it is ours."""
+def read_archive(
+    path: Path, kind: str, version: int, what: str, required: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return all entries of the archive at `path` after checking that it is ours.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        What its entry ``format`` must say.
+    version : int
+        Newest version that is understood.
+    what : str
+        The same for messages: "trajectory".
+    required : sequence of str
+        Entries that must be there.
+
+    Raises
+    ------
+    FileFormatError
+    """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file")
     if not zipfile.is_zipfile(path):
@@ -149,15 +172,15 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
             entries = {name: archive[name] for name in archive.files}
     except (AttributeError, EOFError, OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise FileFormatError(f"{path}: not a readable .npz file ({error})") from error
-    if str(entries.get("format")) != FORMAT:
-        raise FileFormatError(f"{path}: an .npz file, but not a trajectory of trajopt")
-    if int(entries.get("version", 0)) > VERSION:
+    if str(entries.get("format")) != kind:
+        raise FileFormatError(f"{path}: an .npz file, but not a {what} of trajopt")
+    if int(entries.get("version", 0)) > version:
         raise FileFormatError(
-            f"{path}: format version {int(entries['version'])}, this trajopt reads up to {VERSION}"
+            f"{path}: format version {int(entries['version'])}, this trajopt reads up to {version}"
         )
-    missing = [name for name in REQUIRED if name not in entries]
+    missing = [name for name in required if name not in entries]
     if missing:
-        raise FileFormatError(f"{path}: damaged trajectory file (no {', '.join(missing)})")
+        raise FileFormatError(f"{path}: damaged {what} file (no {', '.join(missing)})")
     return entries
 
 

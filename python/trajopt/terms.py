@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
-from trajopt.checks import finite_array, non_negative, number
+from trajopt.checks import finite_array, non_negative, number, numbers
 from trajopt.errors import ArgumentError, ArgumentTypeError
-from trajopt.model import BALL, SLIDE
+from trajopt.kinematics import BALL, SLIDE
+from trajopt.scaling import Scales
 
 if TYPE_CHECKING:
     from trajopt.model import Model
-    from trajopt.scaling import Scales
+    from trajopt.problem import Problem
+    from trajopt.traced import Trace, TracedResidual
 
 __all__ = ["TermBuilder", "has_free_base"]
 
@@ -58,11 +60,21 @@ class TermBuilder:
         self._share = steps / steps.sum()
         self._initial = initial
         self._label = ""
+        self._counts: FloatArray | float = 1.0
+        self.residuals: dict[str, TracedResidual] = {}  # of the user, by label
 
-    def start(self, label: str, factor: float) -> None:
-        """Begin a term: its name, and the factor that normalizes it."""
+    @classmethod
+    def of(cls, problem: Problem) -> TermBuilder:
+        """Return the builder that finds mistakes in terms before anything is solved."""
+        model, scales = problem.model, Scales.of(problem.model, problem.gravity)
+        core = _core.Model(**model.core_arguments(scales.mass, scales.length))
+        return cls(model, core, scales, problem.times, problem.steps, problem.initial.pose)
+
+    def start(self, label: str, factor: float, counts: FloatArray | float = 1.0) -> None:
+        """Begin a term: its name, the factor that normalizes it, and which frames count."""
         self._label = label
         self.factor = factor
+        self._counts = counts
 
     # ---- weights over frames ---------------------------------------------------------------------
 
@@ -96,7 +108,7 @@ class TermBuilder:
         return out
 
     def _indices(self, owner: str, time: Any) -> NDArray[np.intp]:
-        wanted = finite_array(owner, "time", np.atleast_1d(_numbers(owner, "time", time)), (None,))
+        wanted = finite_array(owner, "time", np.atleast_1d(numbers(owner, "time", time)), (None,))
         half = 0.51 * (self.times[-1] - self.times[0]) / max(self.frames - 1, 1)
         for t in wanted:
             if not self.times[0] - half <= t <= self.times[-1] + half:
@@ -112,7 +124,7 @@ class TermBuilder:
         self, owner: str, position: Any, time: Any, weight: float
     ) -> tuple[FloatArray, FloatArray]:
         """Weights (N,) and scaled positions (N, 3) of a target, or of K targets at K times."""
-        array = _numbers(owner, "position", position)
+        array = numbers(owner, "position", position)
         shape: tuple[int | None, ...] = (3,) if array.ndim == 1 else (None, 3)
         array = finite_array(owner, "position", position, shape) / self.scales.length
         target = np.zeros((self.frames, 3))
@@ -129,7 +141,13 @@ class TermBuilder:
                 f"{owner}: {count} {what} need as many times, "
                 f"got {0 if time is None else np.size(time)}"
             )
-        return self._indices(owner, time)
+        indices = self._indices(owner, time)
+        if len(np.unique(indices)) < count:
+            raise ArgumentError(
+                f"{owner}: {count} {what} fall on {len(np.unique(indices))} frames; times must "
+                "lie at least a time step apart"
+            )
+        return indices
 
     def poses(
         self, owner: str, pose: Any, dofs: Sequence[str] | None, keep_height: bool = False
@@ -151,11 +169,13 @@ class TermBuilder:
             dofs = list(pose) if dofs is None else dofs
             array = array[None]
         else:
-            one = _numbers(owner, "pose", pose).ndim == 1
+            one = numbers(owner, "pose", pose).ndim == 1
             shape = (self.model.ndof,) if one else (None, self.model.ndof)
             array = np.atleast_2d(finite_array(owner, "pose", pose, shape))
         if dofs is not None:
-            dofs = [dofs] if isinstance(dofs, str) else list(dofs)
+            dofs = [dofs] if isinstance(dofs, str) else dofs
+            if not isinstance(dofs, Sequence):
+                raise ArgumentTypeError(f"{owner}: dofs must be a list of names, not {dofs!r}")
             if not dofs:
                 raise ArgumentError(
                     f"{owner}: names no coordinate; the model has {', '.join(names)}"
@@ -214,15 +234,14 @@ class TermBuilder:
         if target is not None:
             target = np.broadcast_to(target, (self.frames, 3))
         joint, point = place if place is not None else (0, np.zeros(3))
-        factors = finite_array(self._label, "axes", axes, (3,))
         self.objective.add_dense(
             self._label,
             kind,
-            weight * self.factor,
+            weight * self.factor * self._counts,
             target=target,
             joint=joint,
             point=tuple(point),
-            axes=tuple(factors),
+            axes=tuple(np.asarray(axes, dtype=np.float64)),
         )
 
     def local(
@@ -237,15 +256,20 @@ class TermBuilder:
         if target is not None:
             target = _core.configuration_from_vector(self.core, self._scaled(target))
         self.objective.add_local(
-            self._label + suffix, kind, weight * self.factor, dof_weight, target=target
+            self._label + suffix,
+            kind,
+            weight * self.factor * self._counts,
+            dof_weight,
+            target=target,
         )
 
-    def traced(self, name: str, function: Callable[..., Any], weight: float) -> None:
+    def traced(self, trace: Trace, weight: float) -> None:
         """Add a user's residual."""
         from trajopt.traced import TracedResidual
 
         share = self.all_frames(weight * self.factor)
-        traced = TracedResidual(name, function, self.model, self.core, self.scales, share)
+        traced = TracedResidual(trace, self.model, self.core, self.scales, share)
+        self.residuals[self._label] = traced
         self.objective.add_callback(self._label, traced.rows, 1.0, traced.evaluate)
 
     def _scaled(self, x: FloatArray) -> FloatArray:
@@ -259,12 +283,3 @@ def has_free_base(model: Model) -> bool:
         and list(model.joint_type[:4]) == [SLIDE, SLIDE, SLIDE, BALL]
         and not model.actuated[:6].any()
     )
-
-
-def _numbers(owner: str, argument: str, value: Any) -> FloatArray:
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentTypeError(
-            f"{owner}: {argument} must be an array of numbers, not {value!r}"
-        ) from error

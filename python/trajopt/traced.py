@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -10,17 +9,55 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
-from trajopt.errors import ArgumentError, MissingDependencyError
-from trajopt.interpolation import ball_slices
+from trajopt.errors import ArgumentError
+from trajopt.kinematics import ball_slices
 from trajopt.rotations import left_jacobian_inverse
 
 if TYPE_CHECKING:
     from trajopt.model import Model
     from trajopt.scaling import Scales
 
-__all__ = ["TracedResidual"]
+__all__ = ["Trace", "TracedResidual"]
 
 FloatArray = NDArray[np.float64]
+
+
+class Trace:
+    """A function ``f(x2, x1, x)`` of three frames with its derivatives, as CasADi functions.
+
+    Parameters
+    ----------
+    name : str
+        Of the term, for messages.
+    function : callable
+        See `trajopt.objectives.Residual`.
+    ndof : int
+        Number of coordinates of a frame.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        If it cannot be traced: with the line, and what to write instead.
+    """
+
+    def __init__(self, name: str, function: Callable[..., Any], ndof: int) -> None:
+        from trajopt.tracing import casadi, trace
+
+        owner, labels = f"Residual {name!r}", ("x2", "x1", "x")
+        traced = trace(owner, "function", function, [(label, ndof) for label in labels], None)
+        nodes = [casadi.SX.sym(label, ndof) for label in labels]
+        rows = traced(*nodes)
+        self.rows = int(rows.shape[0])
+        jacobian = casadi.jacobian(rows, casadi.vertcat(*nodes[::-1]))  # newest frame first
+        if self.rows == 0:
+            raise ArgumentError(f"{owner}: function returned no values, expected at least one")
+        if jacobian.nnz() == 0:
+            raise ArgumentError(
+                f"{owner}: function returned what no motion changes, {rows}; return expressions "
+                "that depend smoothly on components of x2, x1 or x"
+            )
+        self.value = traced
+        self.both = casadi.Function("both", nodes, [rows, casadi.densify(jacobian)])
 
 
 class TracedResidual:
@@ -30,9 +67,7 @@ class TracedResidual:
 
     Parameters
     ----------
-    name : str
-    function : callable
-        See `trajopt.objectives.Residual`.
+    trace : Trace
     model : Model
     core : _core.Model
     scales : Scales
@@ -41,51 +76,30 @@ class TracedResidual:
     """
 
     def __init__(
-        self,
-        name: str,
-        function: Callable[..., Any],
-        model: Model,
-        core: Any,
-        scales: Scales,
-        weight: FloatArray,
+        self, trace: Trace, model: Model, core: Any, scales: Scales, weight: FloatArray
     ) -> None:
-        try:
-            import casadi
-        except ImportError as error:
-            raise MissingDependencyError("casadi", "Residual", extra="casadi") from error
+        self.rows = trace.rows
         self._core, self._scales = core, scales
         self._frames, self._root = len(weight), np.sqrt(weight)[:, None]
         self._nq = core.nq
         self._balls = ball_slices(model)
-        nodes = [casadi.SX.sym(label, model.ndof) for label in ("x2", "x1", "x")]
-        try:
-            with warnings.catch_warnings():  # CasADi announces its NumPy support to every user
-                warnings.simplefilter("ignore", FutureWarning)
-                result = function(*nodes)
-            if result is None:
-                raise ValueError("it returned None; end it with `return ...`")
-            rows = casadi.vertcat(*result) if isinstance(result, (list, tuple)) else result
-            rows = casadi.SX(rows)
-        except Exception as error:
-            raise ArgumentError(
-                f"Residual {name!r}: the function could not be traced ({error}); "
-                "use NumPy functions and arithmetic on x[i], no branches on values"
-            ) from error
-        if rows.shape[1] != 1:
-            raise ArgumentError(
-                f"Residual {name!r}: the function returned shape {rows.shape}, expected a column"
-            )
-        self.rows = int(rows.shape[0])
-        newest_first = casadi.vertcat(*nodes[::-1])
-        value = casadi.Function("value", nodes, [rows])
-        jacobian = casadi.densify(casadi.jacobian(rows, newest_first))
-        both = casadi.Function("both", nodes, [rows, jacobian])
-        self._value, self._both = value.map(self._frames), both.map(self._frames)
+        self._value, self._both = trace.value.map(self._frames), trace.both.map(self._frames)
 
     def evaluate(self, address: int, derivatives: bool) -> tuple[FloatArray, ...]:
-        """Return residuals (N, rows) and, if asked, their Jacobians (N, rows, 3 D)."""
+        """Do what `at` does for the core's frames at an address."""
+        return self.at(_core.frames_from_address(address, self._frames + 2, self._nq), derivatives)
+
+    def at(self, q: FloatArray, derivatives: bool) -> tuple[FloatArray, ...]:
+        """Return residuals (N, rows) and, if asked, their Jacobians (N, rows, 3 D).
+
+        Parameters
+        ----------
+        q : (N + 2, nq) array
+            The core's frames -1 to N.
+        derivatives : bool
+            By tangent steps of frames i, i-1, i-2, in this order.
+        """
         n = self._frames
-        q = _core.frames_from_address(address, n + 2, self._nq)
         x = _core.configuration_to_vector(self._core, q) * self._scales.coordinate
         arguments = (x[:-2].T, x[1:-1].T, x[2:].T)
         if not derivatives:

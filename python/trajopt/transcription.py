@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from trajopt import _core
 from trajopt.checks import non_negative, positive, whole
 from trajopt.errors import ArgumentError, ArgumentTypeError
-from trajopt.model import SLIDE
+from trajopt.kinematics import SLIDE, ball_slices
 from trajopt.physics import make_physics
 from trajopt.scaling import Scales
 from trajopt.settle import free_bases, ground_gap, lower, settle, warn_of_gap, warn_of_unrest
@@ -22,6 +22,7 @@ from trajopt.terms import TermBuilder
 if TYPE_CHECKING:
     from trajopt.model import Model
     from trajopt.problem import Problem
+    from trajopt.traced import TracedResidual
     from trajopt.world import ResolvedContact
 
 __all__ = ["Stage", "Transcription"]
@@ -98,6 +99,7 @@ class Transcription:
         )
         self.factors: dict[str, float] | None = None  # of the tasks, once normalized
         self._place: FloatArray | None = None
+        self.residuals: dict[str, TracedResidual] = {}  # of the user, by label
         self.settle_residual = 0.0
 
     def on_grid(self, steps: FloatArray) -> Transcription:
@@ -172,7 +174,9 @@ class Transcription:
 
     # ---- objective -------------------------------------------------------------------------------
 
-    def _builder(self, initial: FloatArray, stage: Stage) -> TermBuilder:
+    def _builder(
+        self, initial: FloatArray, stage: Stage, counts: FloatArray | float = 1.0
+    ) -> TermBuilder:
         problem, labels = self.problem, self._labels()
         for name in stage.factors:
             if name not in labels:
@@ -185,8 +189,9 @@ class Transcription:
         )
         for label, term in zip(labels, problem.terms, strict=True):
             factor = (self.factors or {}).get(label, 1.0)
-            builder.start(label, factor * stage.factors.get(label, 1.0))
+            builder.start(label, factor * stage.factors.get(label, 1.0), counts)
             term.emit(builder)
+        self.residuals = builder.residuals
         return builder
 
     def normalize(self, initial: FloatArray) -> None:
@@ -204,7 +209,8 @@ class Transcription:
         }
         for label, term in tasks.items():
             cost = values.get(label, 0.0)
-            self.factors[label] = term.weight / cost if cost > UNREACHED else 1.0  # type: ignore[attr-defined]
+            reached = not UNREACHED < cost < np.inf  # what is not finite is for check_start to name
+            self.factors[label] = 1.0 if reached else term.weight / cost  # type: ignore[attr-defined]
 
     def _labels(self) -> list[str]:
         counts: dict[str, int] = {}
@@ -225,6 +231,10 @@ class Transcription:
         """`_core.TrajectoryProblem` of a stage; `initial` holds frames -1 and 0 in SI."""
         self.normalize(initial)
         return self._core_problem(stage, initial, self._builder(initial[1], stage).objective)
+
+    def counting(self, stage: Stage, initial: FloatArray, counts: FloatArray) -> Any:
+        """Return the same with a factor for every frame's share of the objective."""
+        return self._core_problem(stage, initial, self._builder(initial[1], stage, counts).objective)
 
     def _core_problem(self, stage: Stage, initial: FloatArray, objective: Any) -> Any:
         problem = self.problem
@@ -270,7 +280,6 @@ class Transcription:
 
     def to_si(self, q: FloatArray) -> FloatArray:
         """The core's configurations (n, nq) to SI coordinates (n, D), continuous over frames."""
-        from trajopt.interpolation import ball_slices
         from trajopt.rotations import nearest
 
         x = np.asarray(_core.configuration_to_vector(self.core, q)) * self.scales.coordinate

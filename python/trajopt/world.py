@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from trajopt.checks import finite_array, non_negative, number, positive
 from trajopt.errors import ArgumentError, ArgumentTypeError
 
 if TYPE_CHECKING:
@@ -16,29 +17,9 @@ if TYPE_CHECKING:
 __all__ = ["Contact", "Plane", "ResolvedContact", "World"]
 
 
-def _number(owner: str, argument: str, value: Any, minimum: float = -np.inf) -> float:
-    """Check one number: finite and at least ``minimum``."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise ArgumentTypeError(
-            f"{owner}: {argument} must be a number, not {type(value).__name__} {value!r}"
-        )
-    if not np.isfinite(value) or value < minimum:
-        bound = "finite" if minimum == -np.inf else f"finite and at least {minimum:g}"
-        raise ArgumentError(f"{owner}: {argument} must be {bound}, not {value!r}")
-    return float(value)
-
-
 def _vector(owner: str, argument: str, value: Any) -> tuple[float, float, float]:
-    """Check three finite numbers."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ArgumentTypeError(
-            f"{owner}: {argument} must be three numbers, not {value!r}"
-        ) from error
-    if array.shape != (3,) or not np.isfinite(array).all():
-        raise ArgumentError(f"{owner}: {argument} must be three finite numbers, not {value!r}")
-    return (float(array[0]), float(array[1]), float(array[2]))
+    a, b, c = finite_array(owner, argument, value, (3,)).tolist()
+    return (a, b, c)
 
 
 @dataclass(frozen=True)
@@ -73,7 +54,7 @@ class Plane:
             raise ArgumentError("Plane: normal must not be the zero vector")
         unit = normal / length
         object.__setattr__(self, "normal", (float(unit[0]), float(unit[1]), float(unit[2])))
-        object.__setattr__(self, "offset", _number("Plane", "offset", self.offset))
+        object.__setattr__(self, "offset", number("Plane", "offset", self.offset))
 
 
 @dataclass(frozen=True)
@@ -180,17 +161,15 @@ class Contact:
         for argument in ("normal", "friction", "damping"):
             value = getattr(self, argument)
             if value is not None:
-                object.__setattr__(self, argument, _number("Contact", argument, value, 0.0))
+                object.__setattr__(self, argument, non_negative("Contact", argument, value))
         if self.normal == 0 and self.friction:
             raise ArgumentError(
                 f"Contact: friction = {self.friction:g} needs a normal stiffness > 0, not 0"
             )
         if self.model not in ("smooth", "coulomb"):
             raise ArgumentError(f"Contact: model must be smooth or coulomb, not {self.model!r}")
-        object.__setattr__(self, "mu", _number("Contact", "mu", self.mu, 0.0))
-        slip = _number("Contact", "slip_velocity", self.slip_velocity, 0.0)
-        if slip == 0:
-            raise ArgumentError("Contact: slip_velocity must be positive, not 0")
+        object.__setattr__(self, "mu", non_negative("Contact", "mu", self.mu))
+        slip = positive("Contact", "slip_velocity", self.slip_velocity)
         object.__setattr__(self, "slip_velocity", slip)
 
     def resolved(self, model: Model, gravity: float = 9.81) -> ResolvedContact:

@@ -172,6 +172,21 @@ def test_audit_is_a_table():
     assert max(len(line) for line in text.splitlines()) <= 100
 
 
+def test_only_bodies_that_touch_are_in_the_table():
+    model = character("spider")
+    standing = model.home.copy()
+    standing[2] -= model.lowest_point(model.home) + 0.02
+    law = Contact(normal=1e5, friction=2e5, damping=0.0)
+    result = audit(sampled(model, lambda t: standing, 0.02, 20, contact=law))
+    shown = [line for line in str(result).splitlines() if line.startswith("contact of")]
+    assert 4 <= len(shown) < len(result.contact_share)
+    assert all(line.endswith("0 made, 0 broken, 100 % of the time") for line in shown)
+    model = character("mammal")
+    falling = audit(sampled(model, parabola(model), 0.025, 12))
+    assert "contact of" not in str(falling)
+    assert str(falling).splitlines()[-2].split() == ["contact", "none"]
+
+
 def test_slip_and_cone():
     """A foot that is dragged: slip is the speed, friction over normal force the law's ratio."""
     model = character("spider")

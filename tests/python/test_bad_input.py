@@ -66,7 +66,7 @@ MISTAKES = {
     "negative weight": ({"weight": "-1.0"}, "weight must be >= 0, not -1.0"),
     "negative stiffness": (
         {"extra": "[contact]\nnormal = -5.0"},
-        "normal must be finite and at least 0, not -5.0",
+        "mine.toml: [contact]: normal must be >= 0, not -5.0",
     ),
     "negative limit": ({"grid": "limit = -1.0"}, "limit must be >= 0"),
     "friction without normal": (
@@ -75,13 +75,37 @@ MISTAKES = {
     ),
     "pose with NaN": (
         {"extra": "[initial]\npose = [" + "nan, " * 14 + "]"},
-        "initial pose[0] = nan",
+        "mine.toml: [initial]: pose[0] = nan",
     ),
     "pose of wrong shape": (
         {"extra": "[initial]\npose = [0.0, 1.0]"},
-        "initial pose has shape (2,), expected (14,)",
+        "mine.toml: [initial]: pose has shape (2,), expected (14,)",
     ),
-    "pose that names nobody": ({"extra": "[initial.pose]\nwing = 1.0"}, "called 'wing'"),
+    "pose that names nobody": (
+        {"extra": "[initial.pose]\nwing = 1.0"},
+        "mine.toml: [initial]: pose names 'wing'",
+    ),
+    "velocity of wrong shape": (
+        {"extra": "[initial]\nvelocity = [0.0, 1.0]"},
+        "mine.toml: [initial]: velocity has shape (2,), expected (14,)",
+    ),
+    "velocity that names nobody": (
+        {"extra": "[initial.velocity]\nwing = 1.0"},
+        "mine.toml: [initial]: velocity names 'wing', but the model's coordinates are root_tx",
+    ),
+    "velocity that is no number": (
+        {"extra": "[initial.velocity]\nroot_tx = 'fast'"},
+        "mine.toml: [initial]: velocity of root_tx must be a number, not str 'fast'",
+    ),
+    "velocity by a word": (
+        {"extra": "[initial]\nvelocity = 'fast'"},
+        "mine.toml: [initial]: velocity must be an array or values by name, not 'fast'",
+    ),
+    "negative height": ({"extra": "[initial]\nheight = -1"}, "[initial]: height must be >= 0"),
+    "height without ground": (
+        {"extra": "[initial]\nheight = 1\n[world]\nobstacles = []"},
+        "mine.toml: [initial]: height = 1 needs a model with",
+    ),
     "unknown model": ({"model": 'name = "chian"'}, "chian"),
     "missing model file": ({"model": 'file = "nowhere.xml"'}, "nowhere.xml"),
     "malformed model": ({"model": 'file = "broken.xml"'}, "broken.xml"),
@@ -110,6 +134,66 @@ def test_mistakes_in_a_scenario(
     assert message in lines[0]
     assert "Traceback" not in err
     assert not (tmp_path / "out.npz").exists()
+
+
+TERMS = {
+    "position of wrong shape": (
+        "center_of_mass_position",
+        "position = [[1, 0], [2, 0], [3, 0]]\ntime = [0.1, 0.2, 0.3]",
+        "position has shape (3, 2), expected (n, 3)",
+    ),
+    "NaN": ("center_of_mass_velocity", "velocity = [nan, 0, 0]", "velocity[0] = nan, expected"),
+    "time after the end": (
+        "center_of_mass_position",
+        "position = [1, 0, 0]\ntime = 0.7",
+        "time = 0.7 s lies outside the motion, which lasts from 0 to 0.5 s",
+    ),
+    "keyframes without times": ("pose", f"pose = [{[0.0] * 14}, {[0.0] * 14}]", "2 poses need as"),
+    "keyframes of the same frame": (
+        "center_of_mass_position",
+        "position = [[1, 0, 0], [2, 0, 0]]\ntime = [0.3, 0.301]",
+        "2 positions fall on 1 frames",
+    ),
+    "start after the end": (
+        "center_of_mass_velocity",
+        "velocity = [1, 0, 0]\nstart = 2.0",
+        "start = 2 s lies behind the end at 0.5 s",
+    ),
+    "unknown body": (
+        "point_position",
+        'body = "wing"\nposition = [0, 0, 1]',
+        "no body is called 'wing'; the model has",
+    ),
+    "unknown coordinate": ("pose", 'dofs = ["tail"]', "no coordinate is called 'tail'"),
+    "a word for numbers": ("point_velocity", 'body = "link1"\nvelocity = "fast"', "velocity must"),
+    "axes of wrong shape": (
+        "center_of_mass_velocity",
+        "velocity = [1, 0, 0]\naxes = [1, 1]",
+        "axes has shape (2,), expected (3,)",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", TERMS)
+def test_mistakes_in_terms_name_file_and_section(
+    mistake: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    kind, text, message = TERMS[mistake]
+    path = scenario(tmp_path)
+    path.write_text(path.read_text() + f'[[objective]]\ntype = "{kind}"\n{text}\n')
+    with pytest.raises(trajopt.TrajoptError):  # before anything is solved
+        trajopt.load_scenario(path).build()
+    code, err = run(capsys, "solve", path, "--out", tmp_path / "out.npz", "--quiet")
+    assert code == 2, err
+    assert err.startswith(f"error: mine.toml: [[objective]] 2 ({kind}): {message}")
+    assert err.count("\n") == 1
+
+
+def test_a_term_without_what_it_needs(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = scenario(tmp_path, kind="center_of_mass_velocity")
+    code, err = run(capsys, "solve", path)
+    line = "error: mine.toml: [[objective]] 1 (center_of_mass_velocity) needs the key 'velocity'"
+    assert (code, err) == (2, line + "\n")
 
 
 @pytest.mark.parametrize(

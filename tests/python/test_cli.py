@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import json
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -39,10 +42,32 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, st
     return code, captured.out, captured.err
 
 
-def test_scenarios_has_one_line_each(capsys: pytest.CaptureFixture[str]) -> None:
+def test_scenarios_in_a_pipe_are_lines_of_four_fields(capsys: pytest.CaptureFixture[str]) -> None:
     code, out, _ = run(capsys, "scenarios")
     assert code == 0
-    assert [line.split("\t")[0] for line in out.splitlines()] == trajopt.list_scenarios()
+    rows = [line.split("\t") for line in out.splitlines()]
+    assert [row[0] for row in rows] == trajopt.list_scenarios()
+    for name, character, frames, task in rows:
+        scenario = trajopt.load_scenario(name)
+        assert (character, int(frames)) == (scenario.character, scenario.frames)
+        assert task == scenario.task
+
+
+def test_scenarios_on_a_terminal_are_a_table_with_a_header(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "60")
+    code, out, _ = run(capsys, "scenarios")
+    assert code == 0
+    out = re.sub(r"\x1b\[[0-9;]*m", "", out)
+    lines = [line.split() for line in out.splitlines() if line.strip()]
+    assert lines[0] == ["name", "character", "frames", "task"]
+    names = [line[0] for line in lines]
+    assert [name for name in names if name in trajopt.list_scenarios()] == trajopt.list_scenarios()
+    assert max(map(len, out.splitlines())) <= 60
+    words = {word for line in lines for word in line}
+    assert set(trajopt.load_scenario("hop").task.split()) <= words
 
 
 def test_info(capsys: pytest.CaptureFixture[str]) -> None:
@@ -163,6 +188,14 @@ def test_defects_give_one_line_and_code_3(
     assert "TRAJOPT_TRACEBACK=1" in err
     monkeypatch.setenv("TRAJOPT_TRACEBACK", "1")
     assert "Traceback" in run(capsys, "plot", saved)[2]
+
+
+def test_exit_codes_reach_the_shell() -> None:
+    command = [sys.executable, "-m", "trajopt"]
+    assert subprocess.run([*command, "scenarios"], capture_output=True, check=False).returncode == 0
+    bad = subprocess.run([*command, "solve", "hopp"], capture_output=True, check=False)
+    assert bad.returncode == 2
+    assert bad.stderr.startswith(b"error: unknown scenario 'hopp'")
 
 
 def test_warnings_are_one_line(

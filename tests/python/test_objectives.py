@@ -338,14 +338,23 @@ def test_weights_scale_with_the_weight_not_with_the_grid():
         (terms.Pose({DOF: "up"}), "must be a number, not str 'up'"),
         (terms.Pose({}), "names no coordinate"),
         (terms.Pose(dofs="tail"), "no coordinate is called 'tail'"),
+        (terms.Pose(dofs=3), "dofs must be a list of names, not 3"),
         (terms.Pose(np.zeros((2, 14)), time=0.1), "2 poses need as many times, got 1"),
+        (
+            terms.CenterOfMassPosition(np.eye(3), time=[0.1, 0.3, 0.301]),
+            "3 positions fall on 2 frames; times must lie at least a time step apart",
+        ),
     ],
 )
-def test_mistakes_in_terms(term, message):
+def test_mistakes_in_terms_are_found_when_they_are_added(term, message):
+    problem = trajopt.Problem(CHAIN, duration=float(STEPS.sum()), dt=STEPS)
     with pytest.raises(trajopt.TrajoptError) as caught:
-        Scene(term)
+        problem.add(terms.ControlEffort(), term)
+    assert isinstance(caught.value, (ValueError, TypeError))
+    assert str(caught.value).startswith(f"{type(term).__name__}: ")
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+    assert problem.terms == []
 
 
 @pytest.mark.parametrize("weight", [-1.0, float("nan"), "much", None, True])

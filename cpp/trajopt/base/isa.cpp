@@ -6,33 +6,31 @@
 
 namespace trajopt {
 
-namespace {
-
-Isa detect() {
-  Isa best = Isa::portable;
+Isa best_isa() {
 #ifdef TRAJOPT_X86
   __builtin_cpu_init();
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") &&
       __builtin_cpu_supports("bmi2")) {
-    best = Isa::avx2;
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
         __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")) {
-      best = Isa::avx512;
+      return Isa::avx512;
     }
+    return Isa::avx2;
   }
 #endif
-  if (const char* wish = std::getenv("TRAJOPT_ISA")) {
-    for (Isa isa : {Isa::portable, Isa::avx2, Isa::avx512}) {
-      if (std::strcmp(wish, isa_name(isa)) == 0 && isa < best) return isa;
-    }
-  }
-  return best;
+  return Isa::portable;
 }
 
-}  // namespace
-
 Isa active_isa() {
-  static const Isa isa = detect();
+  static const Isa isa = [] {
+    const Isa best = best_isa();
+    if (const char* wish = std::getenv("TRAJOPT_ISA")) {
+      for (const Isa wished : {Isa::portable, Isa::avx2}) {
+        if (std::strcmp(wish, isa_name(wished)) == 0 && wished < best) return wished;
+      }
+    }
+    return best;
+  }();
   return isa;
 }
 

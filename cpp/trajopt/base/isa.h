@@ -6,7 +6,8 @@ namespace trajopt {
 
 enum class Isa { portable, avx2, avx512 };
 
-Isa active_isa();
+Isa best_isa();    // what this machine can run
+Isa active_isa();  // what runs
 const char* isa_name(Isa isa);
 
 }  // namespace trajopt

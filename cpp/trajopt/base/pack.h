@@ -158,23 +158,17 @@ inline Pack<W> select(typename Pack<W>::Mask m, Pack<W> a, Pack<W> b) {
 }
 
 TRAJOPT_HD inline bool any(bool m) { return m; }
+#if defined(__AVX512F__)
+inline bool any(Mask8 m) { return m.bits != 0; }
+#endif
 template <class Mask>
 requires(!std::is_arithmetic_v<Mask>) inline bool any(Mask m) {
-#if defined(__AVX512F__)
-  if constexpr (std::is_same_v<Mask, Mask8>)
-    return m.bits != 0;
-  else
-#endif
 #if defined(__AVX2__)
-      if constexpr (sizeof(Mask) == 32)
-    return _mm256_movemask_pd((__m256d)m) != 0;
-  else
+  if constexpr (sizeof(Mask) == 32) return _mm256_movemask_pd((__m256d)m) != 0;
 #endif
-  {
-    std::int64_t r = 0;
-    for (unsigned i = 0; i < sizeof(Mask) / sizeof(std::int64_t); ++i) r |= m[i];
-    return r != 0;
-  }
+  std::int64_t r = 0;
+  for (unsigned i = 0; i < sizeof(Mask) / sizeof(std::int64_t); ++i) r |= m[i];
+  return r != 0;
 }
 
 template <class S>

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "trajopt/base/buffer.h"
-#include "trajopt/base/isa.h"
+#include "trajopt/base/kernel_table.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/dynamics/batch_kernels.h"
 #include "trajopt/dynamics/kinematics.h"
@@ -12,31 +12,9 @@
 
 namespace trajopt {
 
-namespace portable {
-extern const BatchKernels kBatchKernels;
-}
-#ifdef TRAJOPT_X86
-namespace avx2 {
-extern const BatchKernels kBatchKernels;
-}
-namespace avx512 {
-extern const BatchKernels kBatchKernels;
-}
-#endif
+TRAJOPT_KERNEL_TABLE(BatchKernels, kBatchKernels, batch_tables)
 
-const BatchKernels& batch_kernels() {
-#ifdef TRAJOPT_X86
-  switch (active_isa()) {
-    case Isa::avx512:
-      return avx512::kBatchKernels;
-    case Isa::avx2:
-      return avx2::kBatchKernels;
-    default:
-      break;
-  }
-#endif
-  return portable::kBatchKernels;
-}
+const BatchKernels& batch_kernels() { return batch_tables().active(); }
 
 void dynamics_batch(const Model& model, const Physics& physics, const DynamicsBatch& b,
                     int threads) {

@@ -43,9 +43,9 @@ TRAJOPT_HD inline Mat3<S> turning(const Mat3<S>& second) {
 // What the dofs of one joint carry, and the pairs they make with their ancestors.
 template <class S>
 struct Carried {
+  S mass;
   Mat3<S> turning[3];
   const Vec3<S>* first;
-  S mass;
   const Wrench<S>* wrench[3];  // null: nothing is felt at this node
 
   // scale * K_q^T xi

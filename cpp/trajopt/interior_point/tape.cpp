@@ -3,37 +3,14 @@
 #include <string>
 
 #include "trajopt/base/error.h"
-#include "trajopt/base/isa.h"
+#include "trajopt/base/kernel_table.h"
 #include "trajopt/base/parallel.h"
 
 namespace trajopt::interior_point {
 
-namespace portable {
-extern const TapeKernel kTapeKernel;
-}
-#ifdef TRAJOPT_X86
-namespace avx2 {
-extern const TapeKernel kTapeKernel;
-}
-namespace avx512 {
-extern const TapeKernel kTapeKernel;
-}
-#endif
+TRAJOPT_KERNEL_TABLE(TapeKernel, kTapeKernel, tape_tables)
 
 namespace {
-
-const TapeKernel& kernel() {
-  switch (active_isa()) {
-#ifdef TRAJOPT_X86
-    case Isa::avx512:
-      return avx512::kTapeKernel;
-    case Isa::avx2:
-      return avx2::kTapeKernel;
-#endif
-    default:
-      return portable::kTapeKernel;
-  }
-}
 
 bool within(int i, std::size_t size) { return i >= 0 && static_cast<std::size_t>(i) < size; }
 
@@ -64,8 +41,8 @@ Tape::Tape(std::vector<Instruction> code, std::vector<double> constants, int reg
       outputs_(std::move(outputs)),
       copies_(copies),
       threads_(threads > 1 ? threads : 1),
-      lanes_(kernel().lanes),
-      kernel_(kernel().run),
+      lanes_(tape_tables().active().lanes),
+      kernel_(tape_tables().active().run),
       scratch_bytes_(sizeof(double) * lanes_ * (registers > 0 ? registers : 1)) {
   for (std::size_t k = 0; k < code_.size(); ++k) {
     const Instruction& i = code_[k];

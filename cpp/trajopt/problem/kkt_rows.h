@@ -16,10 +16,12 @@
 #include "trajopt/base/pack.h"
 
 // The iterations of the loop behind it touch different memory, which a compiler cannot prove.
-#if defined(__GNUC__) && !defined(__CUDACC__)
-#define TRAJOPT_INDEPENDENT _Pragma("GCC ivdep")
-#else
+#if defined(__CUDACC__)
 #define TRAJOPT_INDEPENDENT
+#elif defined(__clang__)
+#define TRAJOPT_INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
+#else
+#define TRAJOPT_INDEPENDENT _Pragma("GCC ivdep")
 #endif
 
 namespace trajopt {

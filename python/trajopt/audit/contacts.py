@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from trajopt.audit.motion import Motion, continuous
 from trajopt.models import dynamics
+from trajopt.norms import rms
 from trajopt.world import World
 
 __all__ = [
@@ -70,7 +71,7 @@ class ContactState:
     @property
     def penetration_rms(self) -> float:
         """Root mean square of the depth over touching points [m]."""
-        return _rms(self.depth[self.depth > 0.0])
+        return rms(self.depth[self.depth > 0.0])
 
     @property
     def slip_rms(self) -> float:
@@ -198,7 +199,3 @@ def _ground(motion: Motion) -> tuple[FloatArray, float]:
 
 def _tangent(vector: FloatArray, normal: FloatArray) -> FloatArray:
     return np.asarray(vector - (vector @ normal)[..., None] * normal)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.errors import ArgumentError
-from trajopt.interpolation import Interpolant, ball_slices
+from trajopt.interpolation import Interpolant
+from trajopt.kinematics import ball_slices
 from trajopt.rotations import left_jacobian_inverse
 from trajopt.stepping import Setting
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from trajopt.audit.motion import Motion, continuous, setting, unactuated
 from trajopt.errors import ArgumentError
+from trajopt.norms import rms
 from trajopt.stepping import Stepper
 
 __all__ = ["Replay", "replay_drift"]
@@ -43,7 +44,7 @@ class Replay:
     @property
     def rms(self) -> float:
         """Root mean square of the drift [m]."""
-        return float(np.sqrt(np.mean(self.drift**2))) if self.drift.size else 0.0
+        return rms(self.drift)
 
     @property
     def max(self) -> float:

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from trajopt.audit.between import fine_violation, residual_work
-from trajopt.audit.contacts import contact_state, count_changes, flights
+from trajopt.audit.contacts import LOADED_SHARE, contact_state, count_changes, flights
 from trajopt.audit.motion import Motion
 from trajopt.audit.replay import replay_drift
+from trajopt.norms import largest, rms
 
 __all__ = ["Audit", "audit"]
 
@@ -46,6 +47,8 @@ class Audit:
         Largest violation of a joint limit [m, rad].
     contact_changes : dict of str to (int, int)
         How often each body took up load (above 5 % of the weight) and lost it (below 1 %).
+    contact_share : dict of str to float
+        Share of the frames in which each body carries more than 5 % of the weight.
     flights : list of (float, float)
         Begin and end of every time without support [s].
     apex_height, apex_time : float
@@ -70,6 +73,7 @@ class Audit:
     cone_max: float
     limit_excess: float
     contact_changes: dict[str, tuple[int, int]]
+    contact_share: dict[str, float]
     flights: list[tuple[float, float]]
     apex_height: float
     apex_time: float
@@ -108,8 +112,15 @@ class Audit:
         for name, value, unit, scale, note in rows:
             share = "" if scale is None else f"{100.0 * value / scale:10.3g} %"
             lines.append(f"{name:<30}{value:>11.3g} {unit:<7}{share:>12} {note}".rstrip())
-        for body, (makes, breaks) in self.contact_changes.items():
-            lines.append(f"contact of {body:<19}{makes:>11d} made, {breaks} broken")
+        touching = [body for body, share in self.contact_share.items() if share > 0.0]
+        for body in touching:
+            makes, breaks = self.contact_changes[body]
+            lines.append(
+                f"contact of {body:<19}{makes:>11d} made, {breaks} broken,"
+                f" {100.0 * self.contact_share[body]:.3g} % of the time"
+            )
+        if not touching:
+            lines.append(f"{'contact':<30}{'none':>11}")
         spans = ", ".join(f"{a:.2f}-{b:.2f}" for a, b in self.flights) or "none"
         lines.append(f"{'flight [s]':<30}{spans:>11}")
         return "\n".join(lines)
@@ -141,38 +152,34 @@ def audit(motion: Motion) -> Audit:
     fine = fine_violation(motion)
     center = model.center_of_mass(motion.x)
     apex = int(np.argmax(center[:, 2]))
-    names = model.body_names
+    load = {model.body_names[j]: load for j, load in state.load().items()}
     excess = np.maximum(motion.x - model.upper, model.lower - motion.x)
     return Audit(
         body_weight=state.body_weight,
         length=float(model.length),
-        frame_violation_max=_largest(frame),
-        frame_violation_rms=_rms(frame),
-        fine_violation_max=_largest(fine),
-        fine_violation_rms=_rms(fine),
+        frame_violation_max=largest(frame),
+        frame_violation_rms=rms(frame),
+        fine_violation_max=largest(fine),
+        fine_violation_rms=rms(fine),
         replay_duration=replay.duration,
         replay_rms=replay.rms,
         replay_max=replay.max,
         work_gained=gained,
         work_lost=lost,
-        penetration_max=_largest(state.depth),
+        penetration_max=largest(state.depth),
         penetration_rms=state.penetration_rms,
         slip_rms=state.slip_rms,
         slip_max=state.slip_max,
         cone_max=state.cone_max,
         limit_excess=float(np.max(excess, initial=0.0)),
         contact_changes={
-            names[j]: count_changes(load, state.body_weight) for j, load in state.load().items()
+            body: count_changes(force, state.body_weight) for body, force in load.items()
+        },
+        contact_share={
+            body: float(np.mean(force > LOADED_SHARE * state.body_weight))
+            for body, force in load.items()
         },
         flights=flights(state),
         apex_height=float(center[apex, 2]),
         apex_time=float(motion.times[apex]),
     )
-
-
-def _rms(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
-
-
-def _largest(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
-    return float(np.max(np.abs(values), initial=0.0))

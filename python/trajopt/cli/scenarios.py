@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+
 import typer
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -10,21 +13,25 @@ __all__ = ["scenarios"]
 
 
 def scenarios() -> None:
-    """List the built-in scenarios: name, character, task, frames."""
+    """List the built-in scenarios: name, character, frames, task.
+
+    A table on a terminal; elsewhere one line each without a header, separated by tabs.
+    """
     from trajopt.scenarios import list_scenarios, load_scenario
 
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for title in ("name", "character", "frames", "task"):
-        table.add_column(
-            title, no_wrap=title != "task", justify="right" if title == "frames" else "left"
-        )
-    for name in list_scenarios():
-        scenario = load_scenario(name)
-        table.add_row(name, scenario.character, str(scenario.frames), scenario.task)
-    console = Console(highlight=False)
-    if console.is_terminal:
-        console.print(table)
-    else:
-        for name in list_scenarios():
-            scenario = load_scenario(name)
-            typer.echo(f"{name}\t{scenario.character}\t{scenario.frames}\t{scenario.task}")
+    rows = [
+        (scenario.name, scenario.character, str(scenario.frames), " ".join(scenario.task.split()))
+        for scenario in map(load_scenario, list_scenarios())
+    ]
+    if not sys.stdout.isatty():
+        for row in rows:
+            typer.echo("\t".join(row))
+        return
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("name", no_wrap=True)
+    table.add_column("character", no_wrap=True)
+    table.add_column("frames", no_wrap=True, justify="right")
+    table.add_column("task", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    Console(highlight=False).print(table)

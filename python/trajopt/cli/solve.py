@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trajopt.errors import ArgumentError
+from trajopt.interrupt import InterruptFlag
 from trajopt.methods import METHODS
 from trajopt.records import continued
 from trajopt.scenarios import Scenario, ScenarioError, load_scenario
@@ -76,20 +77,23 @@ def solve(
         }
     }
     checkpoint = target.with_suffix(".checkpoint.npz")
-    with nullcontext() if json or quiet else printer() as show:
-        solution = trajopt.solve(
-            problem,
-            device=device,
-            warm_start=start,
-            callback=chain(show, CheckpointWriter(checkpoint, settings=origin)),
-            **options,
-        )
-    if start is not None:
-        solution.history = continued(start.history, solution.history)
-    solution.settings |= origin
-    solution.save(target)
-    checkpoint.unlink(missing_ok=True)
-    _report(solution, target, as_json=json)
+    # Until the motion is in its file, no Ctrl-C interrupts anything: it ends the solve.
+    note = f"stopping after this iteration, to write {target}; another Ctrl-C changes nothing"
+    with InterruptFlag(insist=False, note=note):
+        with nullcontext() if json or quiet else printer() as show:
+            solution = trajopt.solve(
+                problem,
+                device=device,
+                warm_start=start,
+                callback=chain(show, CheckpointWriter(checkpoint, settings=origin)),
+                **options,
+            )
+        if start is not None:
+            solution.history = continued(start.history, solution.history)
+        solution.settings |= origin
+        solution.save(target)
+        checkpoint.unlink(missing_ok=True)
+        _report(solution, target, as_json=json)
     raise typer.Exit(0 if solution.converged else 1)
 
 
@@ -103,7 +107,7 @@ def _scenario(name: str | None, start: Solution | None, resume: Path | None) -> 
     if origin is None:
         raise ScenarioError(f"{resume}: does not say which scenario it is of: name it")
     check_schema(origin["settings"])
-    return Scenario(origin["name"], origin["settings"], Path(origin["folder"]))
+    return Scenario(origin["name"], origin["settings"], Path(origin["folder"]), origin["name"])
 
 
 def _report(solution: Solution, target: Path, *, as_json: bool) -> None:

@@ -11,9 +11,9 @@ from trajopt.collocation.progress import IterationPrinter
 from trajopt.collocation.smoothing import add_absolute, smooth_abs, smooth_max, smooth_min
 from trajopt.collocation.solution import Pass, Solution
 from trajopt.collocation.solver import solve
-from trajopt.collocation.symbols import TraceError, linear_solve
 from trajopt.collocation.tables import table
 from trajopt.collocation.verification import DerivativeCheck, check_derivatives
+from trajopt.tracing import TraceError, linear_solve
 
 __all__ = [
     "DerivativeCheck",

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,7 @@ from trajopt.collocation.diagnosis import Violation
 from trajopt.collocation.interpolant import Interpolant
 from trajopt.collocation.solution import Pass, Solution
 from trajopt.status import Status
-from trajopt.storage import FileFormatError, write_atomically
+from trajopt.storage import FileFormatError, read_archive, write_atomically
 
 __all__ = ["load_solution", "save_solution"]
 
@@ -54,20 +52,7 @@ def save_solution(solution: Solution, path: str | os.PathLike[str]) -> None:
 
 def load_solution(path: str | os.PathLike[str]) -> Solution:
     """Read what `save_solution` wrote; raise `FileFormatError` where that is not possible."""
-    path = Path(path)
-    if not path.is_file():
-        raise FileFormatError(f"{path}: no such file")
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            entries = {name: archive[name] for name in archive.files}
-    except (AttributeError, EOFError, OSError, ValueError, zipfile.BadZipFile, zlib.error) as error:
-        raise FileFormatError(f"{path}: not a readable .npz file ({error})") from error
-    if str(entries.get("format")) != FORMAT:
-        raise FileFormatError(f"{path}: an .npz file, but not a collocation solution of trajopt")
-    if int(entries.get("version", 0)) > VERSION:
-        raise FileFormatError(
-            f"{path}: format version {int(entries['version'])}, this trajopt reads up to {VERSION}"
-        )
+    entries = read_archive(Path(path), FORMAT, VERSION, "collocation solution")
     try:
         info = json.loads(str(entries["info"]))
         pieces = {

@@ -13,9 +13,9 @@ from trajopt.collocation._casadi import casadi
 from trajopt.collocation.assembly import Link
 from trajopt.collocation.bounds import pair
 from trajopt.collocation.problem import Problem
-from trajopt.collocation.tracing import trace
 from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.status import Status
+from trajopt.tracing import trace
 
 if TYPE_CHECKING:
     from trajopt.collocation.solution import Pass, Solution

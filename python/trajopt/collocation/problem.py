@@ -13,8 +13,8 @@ from trajopt.checks import number, whole
 from trajopt.collocation.bounds import Pair, both, pair
 from trajopt.collocation.guess import Guess, make_guess
 from trajopt.collocation.phase import Phase
-from trajopt.collocation.tracing import trace
 from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.tracing import trace
 
 __all__ = ["Problem"]
 

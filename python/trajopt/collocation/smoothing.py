@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trajopt.checks import choice, positive
-from trajopt.collocation.symbols import Symbol
 from trajopt.errors import ArgumentTypeError
+from trajopt.tracing import Symbol
 
 if TYPE_CHECKING:
     from trajopt.collocation.problem import Problem

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trajopt.scenarios.keys import call_with
+from trajopt.scenarios.keys import ScenarioError, call_with, entry_name
 from trajopt.scenarios.schema import objective_types, obstacle_types
 
 if TYPE_CHECKING:
@@ -26,26 +26,34 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
     folder : Path
         Where relative file names are looked up.
     """
+    from trajopt.initial import parse_initial
     from trajopt.problem import Problem
     from trajopt.world import Contact
 
     model = _model(settings["model"], folder)
+    world = _world(settings.get("world", {}))
+    given = {"model": model, "world": world, "initial": settings.get("initial")}
     problem: Problem = call_with(
         Problem,
         {
             **settings["grid"],
-            "world": _world(settings.get("world", {})),
+            "world": world,
             "contact": call_with(Contact, settings.get("contact", {}), "[contact]"),
-            "initial": settings.get("initial"),
+            "initial": call_with(parse_initial, given, "[initial]", owner="initial"),
         },
-        "the scenario",
+        "[grid]",
         model,
     )
-    for table in settings["objective"]:
+    for number, table in enumerate(settings["objective"]):
         values = {key: value for key, value in table.items() if key != "type"}
-        where = f"[[objective]] {table['type']}"
-        term = call_with(objective_types()[table["type"]], values, where)
-        call_with(problem.add, {}, where, term)
+        where, kind = (
+            entry_name("objective", number, table["type"]),
+            objective_types()[table["type"]],
+        )
+        term = call_with(kind, values, where)
+        call_with(problem.add, {}, where, term, owner=kind.__name__)
+    if not any(getattr(term, "weight", 1.0) > 0 for term in problem.terms):
+        raise ScenarioError("[[objective]]: no objective term with a weight > 0")
     return problem, _options(settings.get("solver", {}))
 
 
@@ -54,7 +62,10 @@ def _options(table: dict[str, Any]) -> dict[str, Any]:
 
     options = dict(table)
     if "stages" in table:
-        options["stages"] = [call_with(Stage, s, "[[solver.stages]]") for s in table["stages"]]
+        options["stages"] = [
+            call_with(Stage, stage, f"[[solver.stages]] {number + 1}")
+            for number, stage in enumerate(table["stages"])
+        ]
     return options
 
 
@@ -72,13 +83,14 @@ def _world(table: dict[str, Any]) -> World:
 
     options = dict(table)
     if "obstacles" in table:
-        options["obstacles"] = [_obstacle(entry) for entry in table["obstacles"]]
+        options["obstacles"] = [
+            _obstacle(number, entry) for number, entry in enumerate(table["obstacles"])
+        ]
     world: World = call_with(World, options, "[world]")
     return world
 
 
-def _obstacle(entry: dict[str, Any]) -> Any:
+def _obstacle(number: int, entry: dict[str, Any]) -> Any:
     values = {key: value for key, value in entry.items() if key != "type"}
-    return call_with(
-        obstacle_types()[entry["type"]], values, f"[[world.obstacles]] {entry['type']}"
-    )
+    where = entry_name("world.obstacles", number, entry["type"])
+    return call_with(obstacle_types()[entry["type"]], values, where)

@@ -10,7 +10,16 @@ from typing import Any
 
 from trajopt.errors import TrajoptError
 
-__all__ = ["ScenarioError", "call_with", "check_choice", "check_keys", "parameters", "snake_case"]
+__all__ = [
+    "ScenarioError",
+    "call_with",
+    "check_choice",
+    "check_keys",
+    "entry_name",
+    "parameters",
+    "required",
+    "snake_case",
+]
 
 
 class ScenarioError(TrajoptError, ValueError):
@@ -62,21 +71,70 @@ def check_choice(value: object, valid: Iterable[str], what: str) -> str:
     raise ScenarioError(f"unknown {what} {value!r}: {hint}")
 
 
-def check_keys(table: object, valid: Iterable[str], where: str) -> dict[str, Any]:
-    """Return `table` if it is a TOML table with no other keys than `valid`."""
+def check_keys(
+    table: object, valid: Iterable[str], where: str, needed: Iterable[str] = ()
+) -> dict[str, Any]:
+    """Return `table` if it is a TOML table with the keys `needed` and no others than `valid`."""
     if not isinstance(table, Mapping):
         raise ScenarioError(f"{where} must be a table, got {table!r}")
     options = list(valid)
     for key in table:
         check_choice(key, options, f"key in {where}")
+    for key in needed:
+        if key not in table:
+            raise ScenarioError(f"{where} needs the key {key!r}")
     return dict(table)
 
 
-def call_with(target: Callable[..., Any], values: Mapping[str, Any], where: str, *args: Any) -> Any:
-    """Call `target` with `values`; what it rejects becomes an error that says `where`."""
+def required(target: Callable[..., Any]) -> list[str]:
+    """Return the names that `target` cannot be called without.
+
+    Examples
+    --------
+    >>> required(check_choice)
+    ['value', 'valid', 'what']
+    """
+    signature = inspect.signature(target).parameters
+    empty = inspect.Parameter.empty
+    return [name for name in parameters(target) if signature[name].default is empty]
+
+
+def call_with(
+    target: Callable[..., Any],
+    values: Mapping[str, Any],
+    where: str,
+    *args: Any,
+    owner: str | None = None,
+) -> Any:
+    """Call `target` with `values`; what it rejects becomes an error that says `where`.
+
+    Parameters
+    ----------
+    target : callable
+    values : mapping
+        Its keyword arguments.
+    where : str
+        The section of the scenario.
+    *args
+        Its positional arguments.
+    owner : str, optional
+        Who `target`'s messages begin with, which `where` takes the place of; its name by default.
+    """
     try:
         return target(*args, **values)
     except ScenarioError:
         raise
     except (TrajoptError, TypeError, ValueError) as error:
-        raise ScenarioError(f"{where}: {error}") from error
+        name = owner or getattr(target, "__name__", "")
+        raise ScenarioError(f"{where}: {str(error).removeprefix(f'{name}: ')}") from error
+
+
+def entry_name(section: str, number: int, kind: str) -> str:
+    """Return how messages name an entry of a list of tables, counted from 1 as in the file.
+
+    Examples
+    --------
+    >>> entry_name("objective", 1, "pose")
+    '[[objective]] 2 (pose)'
+    """
+    return f"[[{section}]] {number + 1} ({kind})"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,6 +40,8 @@ class Scenario:
         All sections of the file, as plain TOML values.
     folder : Path
         Where relative file names in the scenario are looked up.
+    source : str
+        What messages call it: the name of its file.
 
     Examples
     --------
@@ -50,6 +53,7 @@ class Scenario:
     name: str
     settings: dict[str, Any]
     folder: Path
+    source: str = "the scenario"
 
     @property
     def task(self) -> str:
@@ -91,7 +95,8 @@ class Scenario:
         """
         entries = [assignments] if isinstance(assignments, str) else assignments
         settings = apply_overrides(self.settings, entries)
-        check_schema(settings)
+        with _named(self.source):
+            check_schema(settings)
         return replace(self, settings=settings)
 
     def build(self) -> tuple[Problem, dict[str, Any]]:
@@ -100,9 +105,10 @@ class Scenario:
         Raises
         ------
         ScenarioError
-            If a value cannot be used; the message names the section.
+            If a value cannot be used; the message names the file and the section.
         """
-        return build(self.settings, self.folder)
+        with _named(self.source):
+            return build(self.settings, self.folder)
 
 
 def list_scenarios() -> list[str]:
@@ -140,14 +146,22 @@ def load_scenario(scenario: str | os.PathLike[str] | Mapping[str, Any]) -> Scena
     path = _find(Path(scenario))
     try:
         settings = tomllib.loads(path.read_text(encoding="utf-8"))
-        check_schema(settings)
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read ({error.strerror})") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ScenarioError(f"{path}: not a TOML file ({error})") from error
+    with _named(path.name):
+        check_schema(settings)
+    return Scenario(path.stem, settings, path.parent, path.name)
+
+
+@contextmanager
+def _named(source: str) -> Iterator[None]:
+    """Let errors begin with the name of the file they are about."""
+    try:
+        yield
     except ScenarioError as error:
-        raise ScenarioError(f"{path.name}: {error}") from error
-    return Scenario(path.stem, settings, path.parent)
+        raise ScenarioError(f"{source}: {error}") from error
 
 
 def _find(path: Path) -> Path:

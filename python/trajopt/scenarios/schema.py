@@ -11,7 +11,15 @@ import inspect
 from functools import cache
 from typing import Any
 
-from trajopt.scenarios.keys import ScenarioError, check_choice, check_keys, parameters, snake_case
+from trajopt.scenarios.keys import (
+    ScenarioError,
+    check_choice,
+    check_keys,
+    entry_name,
+    parameters,
+    required,
+    snake_case,
+)
 
 __all__ = ["check_schema", "objective_types", "obstacle_types", "solver_keys"]
 
@@ -127,17 +135,19 @@ def check_schema(settings: dict[str, Any]) -> None:
     for stage in _tables(solver.get("stages", []), "[[solver.stages]]"):
         check_keys(stage, stage_keys(), "[[solver.stages]]")
     world = check_keys(settings.get("world", {}), world_keys(), "[world]")
-    _check_typed(world.get("obstacles", []), obstacle_types(), "[[world.obstacles]]")
-    _check_typed(settings["objective"], objective_types(), "[[objective]]")
+    _check_typed(world.get("obstacles", []), obstacle_types(), "world.obstacles")
+    _check_typed(settings["objective"], objective_types(), "objective")
 
 
-def _check_typed(tables: object, types: dict[str, type], where: str) -> None:
+def _check_typed(tables: object, types: dict[str, type], section: str) -> None:
     """Check a list of tables, each of which names the class it describes as ``type``."""
-    for table in _tables(tables, where):
+    for number, table in enumerate(_tables(tables, f"[[{section}]]")):
+        where = f"[[{section}]] {number + 1}"
         if "type" not in table:
             raise ScenarioError(f"{where} needs a type: one of {', '.join(types)}")
         kind = types[check_choice(table["type"], types, f"type in {where}")]
-        check_keys(table, ["type", *parameters(kind)], f"{where} {table['type']}")
+        name = entry_name(section, number, table["type"])
+        check_keys(table, ["type", *parameters(kind)], name, required(kind))
 
 
 def _tables(value: object, where: str) -> list[dict[str, Any]]:

@@ -2,65 +2,19 @@
 // instruction set this machine has; and no heap allocation in them.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
 #include <cstring>
-#include <new>
 
+#include "counting_allocator.h"
+#include "kernel_variants.h"
 #include "problem/fixtures.h"
 #include "trajopt/base/buffer.h"
 #include "trajopt/dynamics/residual.h"
 
-// GCC inlines only half of the pairs replaced here and then believes that they do not match.
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-void* operator new(std::size_t bytes) {
-  ++allocations;
-  if (void* p = std::malloc(bytes ? bytes : 1)) return p;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t bytes, std::align_val_t alignment) {
-  ++allocations;
-  const std::size_t step = static_cast<std::size_t>(alignment);
-  if (void* p = std::aligned_alloc(step, (bytes + step - 1) / step * step)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
-
 namespace trajopt {
-namespace portable {
-extern const FrameKernels kFrameKernels;
-}
-#ifdef TRAJOPT_X86
-namespace avx2 {
-extern const FrameKernels kFrameKernels;
-}
-namespace avx512 {
-extern const FrameKernels kFrameKernels;
-}
-#endif
+
+TRAJOPT_KERNEL_TABLE(FrameKernels, kFrameKernels, frame_tables)
 
 namespace {
-
-std::vector<std::pair<const char*, const FrameKernels*>> available_kernels() {
-  std::vector<std::pair<const char*, const FrameKernels*>> all{
-      {"portable", &portable::kFrameKernels}};
-#ifdef TRAJOPT_X86
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-    all.emplace_back("avx2", &avx2::kFrameKernels);
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq"))
-    all.emplace_back("avx512", &avx512::kFrameKernels);
-#endif
-  return all;
-}
 
 // Everything a kernel reads and writes, for one problem.
 struct Frames {
@@ -156,7 +110,7 @@ TEST_P(Lanes, BitsOfTheScalarResidual) {
     for (const double* j : jacobians)
       for (int r : f.model.unactuated) jacobian.insert(jacobian.end(), j + r * d, j + (r + 1) * d);
   }
-  for (const auto& [name, kernels] : available_kernels()) {
+  for (const auto& [name, kernels] : test::runnable(frame_tables())) {
     const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(in));
     Outputs out(f);
     linearize(*kernels, in, scratch.get(), out.pointers());
@@ -170,7 +124,7 @@ TEST_P(Lanes, SameBitsForEveryInstructionSet) {
   Frames f(GetParam());
   const FrameInput in = f.input();
   Outputs reference(f);
-  for (const auto& [name, kernels] : available_kernels()) {
+  for (const auto& [name, kernels] : test::runnable(frame_tables())) {
     const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(in));
     Outputs out(f);
     linearize(*kernels, in, scratch.get(), out.pointers());
@@ -185,14 +139,14 @@ TEST_P(Lanes, NoAllocation) {
   Frames f(GetParam());
   const FrameInput in = f.input();
   Outputs out(f);
-  for (const auto& [name, kernels] : available_kernels()) {
+  for (const auto& [name, kernels] : test::runnable(frame_tables())) {
     const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(in));
     linearize(*kernels, in, scratch.get(), out.pointers());
-    const long before = allocations;
+    const long before = test::allocations;
     linearize(*kernels, in, scratch.get(), out.pointers());
     for (long i = 0; i < Frames::count; ++i)
       kernels->evaluate(in, i, 1, scratch.get(), out.pointers());
-    EXPECT_EQ(allocations - before, 0) << name;
+    EXPECT_EQ(test::allocations - before, 0) << name;
   }
 }
 

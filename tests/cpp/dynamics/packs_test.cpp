@@ -7,6 +7,7 @@
 
 #include <cmath>
 
+#include "kernel_variants.h"
 #include "problem/fixtures.h"
 #include "trajopt/base/buffer.h"
 #include "trajopt/base/lanes.h"
@@ -15,32 +16,10 @@
 #include "trajopt/dynamics/residual.h"
 
 namespace trajopt {
-namespace portable {
-extern const BatchKernels kBatchKernels;
-}
-#ifdef TRAJOPT_X86
-namespace avx2 {
-extern const BatchKernels kBatchKernels;
-}
-namespace avx512 {
-extern const BatchKernels kBatchKernels;
-}
-#endif
+
+TRAJOPT_KERNEL_TABLE(BatchKernels, kBatchKernels, batch_tables)
 
 namespace {
-
-std::vector<std::pair<const char*, const BatchKernels*>> available_kernels() {
-  std::vector<std::pair<const char*, const BatchKernels*>> all{
-      {"portable", &portable::kBatchKernels}};
-#ifdef TRAJOPT_X86
-  __builtin_cpu_init();
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-    all.emplace_back("avx2", &avx2::kBatchKernels);
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq"))
-    all.emplace_back("avx512", &avx512::kBatchKernels);
-#endif
-  return all;
-}
 
 template <class S>
 class Packs : public testing::Test {};
@@ -163,7 +142,7 @@ TEST(Batch, BitsOfTheScalarResidual) {
       dynamics_residual<double, Chart::vector, true>(v, physics, stencil, nodes, ws,
                                                      fd.data() + i * d, jacobians);
     }
-    for (const auto& [name, kernels] : available_kernels()) {
+    for (const auto& [name, kernels] : test::runnable(batch_tables())) {
       const AlignedBuffer scratch = aligned_buffer(kernels->scratch_bytes(v));
       for (bool derivatives : {false, true}) {
         std::vector<double> force(fd.size(), -1.0), jacobian(js.size(), -1.0);

@@ -1,32 +1,9 @@
 // factor(), solve() and refine() run hundreds of times a second: they must not allocate.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
+#include "counting_allocator.h"
 #include "linalg/random_matrix.h"
 #include "trajopt/linalg/bordered.h"
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-void* operator new(std::size_t bytes) {
-  ++allocations;
-  if (void* p = std::malloc(bytes ? bytes : 1)) return p;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t bytes, std::align_val_t alignment) {
-  ++allocations;
-  const std::size_t step = static_cast<std::size_t>(alignment);
-  if (void* p = std::aligned_alloc(step, (bytes + step - 1) / step * step)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 
 namespace trajopt::linalg {
 namespace {
@@ -39,13 +16,13 @@ TEST(Allocation, NoneAfterConstruction) {
   for (Ordering ordering : {Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
     Factorization factorization(20, 24, ordering);
     BorderedFactorization bordered(20, 24, 2, ordering);
-    const long before = allocations;
+    const long before = trajopt::test::allocations;
     factorization.factor(a, nullptr, 1e-6, 2);
     factorization.solve(x.data(), 1, 2);
     factorization.refine(a, rhs.data(), x.data(), 1, 3, 1e-15, 2);
     bordered.factor(a, e.data(), f.data(), nullptr, nullptr, 0.0, 2);
     bordered.solve(x.data(), y.data(), 1, 2);
-    EXPECT_EQ(allocations - before, 0) << ordering_name(ordering);
+    EXPECT_EQ(trajopt::test::allocations - before, 0) << ordering_name(ordering);
   }
 }
 

@@ -1,35 +1,9 @@
 // An iteration runs hundreds of times a second: once its vectors exist it must not allocate.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
+#include "counting_allocator.h"
 #include "solver/flight.h"
 #include "trajopt/solver/funnel_sqp.h"
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-// Not inlined: GCC would take free() for a mismatch with operator new.
-[[gnu::noinline]] void* operator new(std::size_t bytes) {
-  ++allocations;
-  if (void* p = std::malloc(bytes ? bytes : 1)) return p;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void* operator new(std::size_t bytes, std::align_val_t alignment) {
-  ++allocations;
-  const std::size_t step = static_cast<std::size_t>(alignment);
-  if (void* p = std::aligned_alloc(step, (bytes + step - 1) / step * step)) return p;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept {
-  std::free(p);
-}
 
 namespace trajopt {
 namespace {
@@ -45,7 +19,7 @@ Count count_allocations(test::Case c, const FunnelOptions& options) {
   count.after.reserve(1000);
   solve_funnel(*c.problem, options, c.state, [&](const IterationRecord& record, const State&) {
     if (count.after.size() >= 3) ++(record.accepted ? count.accepted : count.refused);
-    count.after.push_back(allocations);
+    count.after.push_back(test::allocations);
     return count.after.size() < 21;
   });
   return count;

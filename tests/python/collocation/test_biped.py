@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from collocation.examples import example
 from trajopt import Status
 from trajopt import collocation as col
 
-EXAMPLES = Path(__file__).parents[3] / "examples" / "collocation"
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-model = load("_biped_model")
+model = example("_biped_model")
 SIDES = ("hip", "shoulder")
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
+from scripts import run_script
 from trajopt import collocation as col
 
 FOLDER = Path(__file__).parents[3] / "examples" / "collocation"
@@ -26,18 +24,9 @@ def test_all_are_covered() -> None:
 
 @pytest.mark.parametrize("name", EXPECTED)
 def test_example(name: str, tmp_path: Path) -> None:
-    run = subprocess.run(
-        [sys.executable, str(FOLDER / name), "--out", str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 0, run.stderr
-    assert run.stderr == ""
+    out = run_script(FOLDER / name, "--out", tmp_path, cwd=tmp_path)
     for words in EXPECTED[name]:
-        assert words in run.stdout
+        assert words in out
     (path,) = tmp_path.glob("*.npz")
     assert col.Solution.load(path).converged
     assert len(list(tmp_path.glob("*.png"))) >= 2

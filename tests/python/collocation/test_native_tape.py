@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from collocation.five_link_biped import biped
+from collocation.examples import example
 from trajopt import _core
 from trajopt import collocation as col
 from trajopt.collocation.tape import OPERATIONS, make_tape
@@ -72,7 +72,8 @@ def test_what_has_no_scalar_form_is_no_tape() -> None:
 
 def test_biped_against_ipopt() -> None:
     """Kelly 7: 390.79043694 with the torso's center measured from the hip."""
-    native, ipopt = (col.solve(biped(), segments=25, solver=s) for s in ("native", "ipopt"))
+    problem = example("_biped_model").problem()
+    native, ipopt = (col.solve(problem, segments=25, solver=s) for s in ("native", "ipopt"))
     assert native.status.value == "solved", native.message
     assert native.objective == pytest.approx(ipopt.objective, rel=1e-8)
     assert native.objective == pytest.approx(390.79043694, rel=1e-8)

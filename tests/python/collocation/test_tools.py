@@ -211,5 +211,5 @@ def test_files_that_are_none(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match="not a collocation solution"):
         col.Solution.load(tmp_path / "other.npz")
     (tmp_path / "text.npz").write_text("hello")
-    with pytest.raises(FileFormatError, match="not a readable"):
+    with pytest.raises(FileFormatError, match="not a trajopt result"):
         col.Solution.load(tmp_path / "text.npz")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trajopt import collocation as col
-from trajopt.collocation.tracing import trace
+from trajopt.tracing import trace
 
 A = np.array([[1.0, 2.0, 0.5], [0.3, -1.0, 2.0], [0.1, 0.2, 0.7]])
 

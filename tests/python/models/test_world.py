@@ -11,16 +11,16 @@ from trajopt.models import load_model
     ("make", "message"),
     [
         (lambda: Plane(normal=(0, 0, 0)), "zero vector"),
-        (lambda: Plane(normal=(0, 0)), "three finite numbers"),
-        (lambda: Plane(normal=(0, 0, np.nan)), "three finite numbers"),
+        (lambda: Plane(normal=(0, 0)), r"normal has shape \(2,\), expected \(3,\)"),
+        (lambda: Plane(normal=(0, 0, np.nan)), r"normal\[2\] = nan, expected finite numbers"),
         (lambda: Plane(offset=np.inf), "offset must be finite"),
         (lambda: World([Plane(), Plane()]), "at most one Plane, not 2"),
         (lambda: World(gravity=(0, 0, np.nan)), "gravity"),
-        (lambda: Contact(normal=-1.0), "normal must be finite and at least 0"),
+        (lambda: Contact(normal=-1.0), "normal must be >= 0, not -1.0"),
         (lambda: Contact(friction=np.nan), "friction must be finite"),
         (lambda: Contact(damping=-0.1), "damping"),
         (lambda: Contact(mu=-0.1), "mu must be"),
-        (lambda: Contact(slip_velocity=0.0), "slip_velocity must be positive"),
+        (lambda: Contact(slip_velocity=0.0), "slip_velocity must be > 0, not 0.0"),
         (lambda: Contact(model="sticky"), "model must be smooth or coulomb"),
     ],
 )
@@ -32,7 +32,7 @@ def test_bad_values(make, message):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Plane(normal="up"), "three numbers"),
+        (lambda: Plane(normal="up"), "normal must be an array of numbers"),
         (lambda: Plane(offset="low"), "offset must be a number, not str"),
         (lambda: Contact(normal="hard"), "normal must be a number"),
         (lambda: Contact(mu=True), "mu must be a number, not bool"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import linecache
+import re
 import sysconfig
 import traceback
 from collections.abc import Callable, Sequence
@@ -11,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from trajopt.collocation._casadi import casadi
-from trajopt.collocation.symbols import Symbol, TraceError, wrap
 from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.tracing._casadi import casadi
+from trajopt.tracing.symbols import Symbol, TraceError, wrap
 
 __all__ = ["flatten", "trace"]
 
@@ -63,7 +64,9 @@ def trace(
     try:
         returned = function(*given)
     except Exception as error:
-        raise ArgumentError(f"{owner}: {argument} {_where(error)}{_reason(error)}") from error
+        raise ArgumentError(
+            f"{owner}: {argument} {_where(error)}{_reason(error, inputs)}"
+        ) from error
     values = flatten(owner, argument, returned)
     if rows is not None and len(values) != rows:
         raise ArgumentError(
@@ -78,6 +81,8 @@ def flatten(owner: str, argument: str, returned: Any) -> list[Any]:
     """Return the expressions in what a function returned: a value, or sequences of values."""
     if isinstance(returned, Symbol):
         return [returned.value]
+    if isinstance(returned, casadi.SX) and 1 in returned.shape:
+        return casadi.vertsplit(casadi.vec(returned))
     if isinstance(returned, (list, tuple)):
         return [value for part in returned for value in flatten(owner, argument, part)]
     if isinstance(returned, np.ndarray):
@@ -104,20 +109,24 @@ def _where(error: BaseException) -> str:
     return f"could not be traced: {Path(frame.filename).name}, line {frame.lineno}:{shown} "
 
 
-def _reason(error: BaseException) -> str:
+def _reason(error: BaseException, inputs: Sequence[tuple[str, int]]) -> str:
     """Return what is wrong with the line, and what to write instead."""
-    if isinstance(error, TraceError):
-        return str(error)
     inside = " ".join(frame.filename for frame in traceback.extract_tb(error.__traceback__))
-    if "linalg" in inside or "ufunc 'solve" in str(error) or "ufunc 'inv" in str(error):
+    if re.search(r"numpy\W+linalg\b", inside) or re.search(
+        r"ufunc '(solve|inv|det|eig|lstsq|svd)", str(error)
+    ):
         return (
             "calls np.linalg, which works on numbers only; write "
             "trajopt.collocation.linear_solve(M, b) for a mass matrix, np.sqrt(v @ v) for a norm"
         )
+    if isinstance(error, TraceError):
+        return str(error)
     if isinstance(error, TypeError) and "positional argument" in str(error):
-        return f"({error}); the arguments are those of the docstring of Problem"
+        names = ", ".join(name for name, length in inputs if length or name != "p")
+        return f"({error}); it is called with ({names})"
     if isinstance(error, IndexError):
-        return f"({error}); nx, nu and parameters say how many components there are"
+        counts = ", ".join(f"{name} {length}" for name, length in inputs if length > 0)
+        return f"({error}); components there are: {counts}"
     return (
         f"({type(error).__name__}: {error}); use arithmetic and NumPy functions on components, "
         "such as np.sin(x[1])"

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
 from trajopt.errors import ArgumentError
+from trajopt.tracing._casadi import casadi
 
 __all__ = ["Symbol", "TraceError", "expression", "linear_solve", "symbols"]
 
@@ -90,7 +90,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 # What to write instead of NumPy functions that cannot be traced.
 _REPLACEMENTS = {
-    "interp": "; write trajopt.collocation.table(x, y), once, outside, and call what it returns",
+    "interp": "write trajopt.collocation.table(x, y), once, outside, and call what it returns",
 }
 
 
@@ -130,8 +130,10 @@ class Symbol:
             return Symbol(casadi.if_else(*(expression(value) for value in arguments)))
         if function is np.clip:
             return apply("clip", *arguments)
-        other = _REPLACEMENTS.get(function.__name__, "")
-        raise TraceError(f"np.{function.__name__} cannot be traced on a single value{other}")
+        raise TraceError(_untraced(function.__name__))
+
+    def __SX__(self) -> Any:
+        return self.value
 
     def __bool__(self) -> bool:
         raise TraceError(
@@ -171,10 +173,19 @@ def _boxed(value: Any) -> ObjectArray:
     return box
 
 
+def _untraced(name: str) -> str:
+    if name in _REPLACEMENTS:
+        return f"np.{name} cannot be traced; {_REPLACEMENTS[name]}"
+    return (
+        f"np.{name} cannot be traced; write it with arithmetic, np.where and the functions that "
+        f"can: {', '.join(sorted(_FUNCTIONS))}"
+    )
+
+
 def apply(name: str, *arguments: Any) -> Symbol:
     """Return the symbol of the NumPy function `name` applied to scalars."""
     if name not in _FUNCTIONS:
-        raise TraceError(f"np.{name} cannot be traced; traced are: {', '.join(sorted(_FUNCTIONS))}")
+        raise TraceError(_untraced(name))
     return Symbol(_FUNCTIONS[name](*(expression(value) for value in arguments)))
 
 
@@ -182,6 +193,8 @@ def expression(value: Any) -> Any:
     """Return the CasADi expression of a symbol, or the number that `value` is."""
     if isinstance(value, Symbol):
         return value.value
+    if isinstance(value, casadi.SX):  # of a user who called CasADi; float() would make it a NaN
+        return value
     if isinstance(value, np.ndarray) and value.ndim == 0:
         return expression(value[()])
     return float(value)
