@@ -70,6 +70,8 @@ def main(arguments: list[str]) -> None:
         kept = json.loads(options.out.read_text())
         if kept["machine"].rpartition(",")[0] != result["machine"].rpartition(",")[0]:
             raise SystemExit(f"{options.out} is of another machine: {kept['machine']}")
+        peaks = [p for p in (kept["peak_gflops"], result["peak_gflops"]) if p]
+        result["peak_gflops"] = max(peaks, default=None)  # both measured, the machine idle or not
         rows = {(r["n"], r["B"]): r for r in kept["rows"] + result["rows"]}
         result["rows"] = [rows[s] for s in dict.fromkeys((*SHAPES, *shapes)) if s in rows]
     options.out.parent.mkdir(exist_ok=True)
