@@ -16,12 +16,10 @@
 #include "trajopt/base/pack.h"
 
 // The iterations of the loop behind it touch different memory, which a compiler cannot prove.
-#if defined(__CUDACC__)
-#define TRAJOPT_INDEPENDENT
-#elif defined(__clang__)
-#define TRAJOPT_INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
-#else
+#if defined(__GNUC__) && !defined(__CUDACC__) && !defined(__clang__)
 #define TRAJOPT_INDEPENDENT _Pragma("GCC ivdep")
+#else
+#define TRAJOPT_INDEPENDENT
 #endif
 
 namespace trajopt {
