@@ -16,12 +16,10 @@
 #include "trajopt/base/pack.h"
 
 // The iterations of the loop behind it touch different memory, which a compiler cannot prove.
-#if defined(__CUDACC__)
-#define TRAJOPT_INDEPENDENT
-#elif defined(__clang__)
-#define TRAJOPT_INDEPENDENT _Pragma("clang loop vectorize(assume_safety)")
-#else
+#if defined(__GNUC__) && !defined(__CUDACC__) && !defined(__clang__)
 #define TRAJOPT_INDEPENDENT _Pragma("GCC ivdep")
+#else
+#define TRAJOPT_INDEPENDENT
 #endif
 
 namespace trajopt {
@@ -72,12 +70,11 @@ TRAJOPT_HD inline void write_hessian(const Group& group, const KktRows& k, int i
   double w[3];
   metric_weights(k.smoothing, i, k.nodes, false, w);
   const double one = k.damping * w[back];
-  int frames = 3 - back;
+  int frames = k.hessian == nullptr ? 0 : 3 - back;
   if (frames > k.nodes - i) frames = k.nodes - i;
   const double* h[3];
   for (int ahead = 0; ahead < frames; ++ahead)
     h[ahead] = k.hessian + ((i + ahead) * 6L + kBlocks[back][ahead]) * dd;
-  if (k.hessian == nullptr) frames = 0;
   const auto write = [&](const auto& sum) {
     for_entries(group, d, d, [&](int r, int c) { target[r * ld + c] = sum(r * d + c); });
   };
