@@ -178,12 +178,12 @@ void iteration(benchmark::State& state) {
   const FunnelOptions funnel;
   const auto executor = make_cpu_executor(p, executor_options(funnel), at);
   const auto round = [&] {
-    executor->linearize();
-    if (!executor->factor(funnel.damping)) return false;
-    executor->solve_steps();
-    executor->try_step(1.0, 0.1);
-    executor->try_correction(0.1);
-    executor->try_correction(0.1);
+    using Kind = Request::Kind;
+    executor->answer({.kind = Kind::linearize});
+    if (!executor->answer({.kind = Kind::steps, .damping = funnel.damping}).factored) return false;
+    executor->answer({.kind = Kind::trial, .tangential = 1.0, .normal = 0.1});
+    executor->answer({.kind = Kind::correction, .zeta = 0.1});
+    executor->answer({.kind = Kind::correction, .zeta = 0.1});
     return true;
   };
   if (!round()) {  // also touches all memory

@@ -59,7 +59,7 @@ Report show_records(const py::object& function) {
     const auto at = std::make_shared<SqpPoint*>(&point);
     const py::cpp_function state([at] {
       if (*at == nullptr) throw ArgumentError("a snapshot can be taken during the callback only");
-      return state_array((*at)->state());
+      return to_array((*at)->state());
     });
     const py::object go = function(record_dict(record), state);
     *at = nullptr;
@@ -134,7 +134,7 @@ py::object end_object(const BatchEnd& end, const State& state,
   py::list list;
   for (const IterationRecord& r : records) list.append(record_dict(r));
   const Result& r = end.result;
-  return py::make_tuple(status_name(r.status), r.message, r.iterations, state_array(state), list);
+  return py::make_tuple(status_name(r.status), r.message, r.iterations, to_array(state), list);
 }
 
 }  // namespace

@@ -234,7 +234,8 @@ class Transcription:
 
     def counting(self, stage: Stage, initial: FloatArray, counts: FloatArray) -> Any:
         """Return the same with a factor for every frame's share of the objective."""
-        return self._core_problem(stage, initial, self._builder(initial[1], stage, counts).objective)
+        builder = self._builder(initial[1], stage, counts)
+        return self._core_problem(stage, initial, builder.objective)
 
     def _core_problem(self, stage: Stage, initial: FloatArray, objective: Any) -> Any:
         problem = self.problem

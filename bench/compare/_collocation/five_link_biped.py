@@ -55,7 +55,7 @@ def solve(a: list[list[Any]], b: list[Any]) -> list[Any]:
     return x
 
 
-def dynamics(t: Any, x: Any, u: Any) -> list[Any]:
+def dynamics(_t: Any, x: Any, u: Any) -> list[Any]:
     """(F.3); torque u_i acts on link i and back on the link before."""
     q, v = [x[i] for i in range(5)], [x[5 + i] for i in range(5)]
     mass = [
@@ -100,7 +100,7 @@ def momentum(links: range, joint: int, q: list[Any], v: list[Any]) -> Any:
     return total
 
 
-def boundary(t0: Any, tf: Any, x0: Any, xf: Any) -> list[Any]:
+def boundary(_t0: Any, _tf: Any, x0: Any, xf: Any) -> list[Any]:
     """Heel strike (F.9) to (F.15) as residuals, step length (7.3), foot velocities (7.4)."""
     q0, v0 = [x0[i] for i in range(5)], [x0[5 + i] for i in range(5)]
     qf, vf = [xf[i] for i in range(5)], [xf[5 + i] for i in range(5)]
@@ -124,7 +124,7 @@ def biped() -> col.Problem:
         nx=10,
         nu=5,
         tf=STEP_TIME,
-        objective=lambda t, x, u: sum(u[i] ** 2 for i in range(5)),
+        objective=lambda _t, _x, u: sum(u[i] ** 2 for i in range(5)),
         boundary=(boundary, [0.0] * 12 + [0.0, -np.inf], [0.0] * 12 + [np.inf, 0.0]),
         u_bounds=([0.0, *[-100.0] * 4], [0.0, *[100.0] * 4]),
         guess={

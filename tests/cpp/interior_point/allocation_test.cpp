@@ -20,8 +20,8 @@ Counted count(Analytic& a, Point& point, BarrierRule rule = BarrierRule::monoton
   Counted c;
   long first = 0;
   c.outcome = a.solve(point, {.barrier_rule = rule}, [&](const Record& r, const double*) {
-    if (r.iteration == 1) first = test::allocations;
-    c.allocations = test::allocations - first;
+    if (r.iteration == 1) first = trajopt::test::allocations;
+    c.allocations = trajopt::test::allocations - first;
     c.corrected += r.iteration > 1 && r.regularization > 0.0;
     return true;
   });
