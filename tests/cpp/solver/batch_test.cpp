@@ -2,9 +2,9 @@
 // and state bit for bit, whatever the others of the batch do.
 #include "trajopt/solver/batch.h"
 
-#include <algorithm>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "solver/batch_cases.h"
