@@ -103,7 +103,7 @@ def solve_batch(
     -------
     list of Solution
         In the order of the problems. Ctrl-C ends all of them with the best motions found so far,
-        for problems that had not begun their start; a second one raises `KeyboardInterrupt`.
+        for problems that had not begun their start; a third one raises `KeyboardInterrupt`.
 
     Raises
     ------
@@ -260,7 +260,7 @@ class _Batch:
 
     @contextmanager
     def _stopping(self, pool: ThreadPoolExecutor) -> Iterator[None]:
-        """Whatever ends the block early, a second Ctrl-C, also ends the work at hand."""
+        """Whatever ends the block early, a third Ctrl-C, also ends the work at hand."""
         try:
             yield
         except BaseException:

@@ -41,6 +41,12 @@ class Scene:
         self.all = np.concatenate([self.initial, self.x])
         self.state = self.core.state_from_frames(self.transcription.to_core(self.x))
 
+    def move(self, frames, height):
+        """Lift some of the frames by a height [m]."""
+        self.x[frames, 2] += height
+        self.all = np.concatenate([self.initial, self.x])
+        self.state = self.core.state_from_frames(self.transcription.to_core(self.x))
+
     def values(self):
         """Values of the terms without the factors that normalize them."""
         found = self.core.evaluate(self.state)["terms"]
@@ -220,6 +226,7 @@ def test_contact_slip():
 
 def test_contact_impact():
     scene = Scene(terms.ContactImpact(2.0))
+    scene.move(slice(3, 6), height=0.1)
     _, velocity, depth = scene.forces(STEPS)
     speed = velocity[1:, :, 2] ** 2 / scene.scales.velocity**2
     load = CONTACT.normal * (depth[1:] ** 2 + depth[:-1] ** 2) / scene.scales.force

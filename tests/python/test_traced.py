@@ -98,7 +98,8 @@ def in_numpy(x2, x1, x):
         (branching, "write np.where(condition, a, b)"),
         (with_math, "`return math.sin(height)` needs a number where there is only a symbol"),
         (with_math, "write np.sin(...) for math.sin(...)"),
-        (in_numpy, "np.interp cannot be traced; write it with arithmetic"),
+        (in_numpy, "np.interp cannot be traced; write trajopt.collocation.table(x, y)"),
+        (lambda x2, x1, x: np.round(x[0]), "np.round cannot be traced; write it with arithmetic"),
         (
             lambda x2, x1, x: np.linalg.inv(np.outer(x, x)),
             "calls np.linalg, which works on numbers",
