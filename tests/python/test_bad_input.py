@@ -110,9 +110,24 @@ MISTAKES = {
     "missing model file": ({"model": 'file = "nowhere.xml"'}, "nowhere.xml"),
     "malformed model": ({"model": 'file = "broken.xml"'}, "broken.xml"),
     "model without mass": ({"model": 'file = "massless.xml"'}, "mass"),
-    "unknown method": ({"extra": '[solver]\nmethod = "magic"'}, "method = 'magic', expected one"),
+    "unknown method": (
+        {"extra": '[solver]\nmethod = "magic"'},
+        "[solver]: method = 'magic', expected one",
+    ),
     "unknown ordering": ({"extra": '[solver]\nordering = "any"'}, "ordering = 'any', expected"),
-    "no iterations": ({"extra": "[solver]\nmax_iterations = 0"}, "max_iterations must be a whole"),
+    "no iterations": (
+        {"extra": "[solver]\nmax_iterations = 0"},
+        "[solver]: max_iterations must be a whole",
+    ),
+    "bad seed": ({"extra": "[solver]\nseed = -1"}, "[solver]: seed must be a whole number >= 0"),
+    "bad factor": (
+        {"extra": "[solver]\n[[solver.stages]]\nfactors = { effort = -1.0 }"},
+        "[[solver.stages]] 1: factors['effort'] must be >= 0",
+    ),
+    "no such term": (
+        {"extra": "[solver]\n[[solver.stages]]\nfactors = { effort = 1.0 }"},
+        "factors names 'effort', which is no term of the objective",
+    ),
     "bad stage": ({"extra": "[solver]\n[[solver.stages]]\nstiffness = 0"}, "stiffness must be > 0"),
     "unknown integrator": ({"grid": 'integrator = "rk4"'}, "integrator = 'rk4', expected one of"),
 }

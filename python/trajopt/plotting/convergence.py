@@ -64,10 +64,12 @@ def _draw_objective(axes: Axes, along: FloatArray, history: Sequence[IterationRe
     total = _column(history, "objective")
     names = list(dict.fromkeys(name for record in history for name in record.objective_terms))
     _line(axes, along, total, INK, "total", 1.8)
-    for name, color in zip(names, np.resize(SERIES, len(names)), strict=True):
+    for number, name in enumerate(names):
+        color = SERIES[number % len(SERIES)]
+        dashes = "-" if number < len(SERIES) else "--"  # colours come again: another line
         values = np.array([r.objective_terms.get(name, np.nan) for r in history])
         if np.nanmax(values, initial=0.0) > SMALLEST_SHARE * np.nanmax(total, initial=0.0):
-            _line(axes, along, values, str(color), name.replace("_", " "), 1.1)
+            _line(axes, along, values, color, name.replace("_", " "), 1.1, dashes)
 
 
 def _draw_violations(axes: Axes, along: FloatArray, history: Sequence[IterationRecord]) -> None:
@@ -90,14 +92,20 @@ def _draw_steps(axes: Axes, along: FloatArray, history: Sequence[IterationRecord
 
 
 def _line(
-    axes: Axes, along: FloatArray, values: FloatArray, color: str, label: str, width: float
+    axes: Axes,
+    along: FloatArray,
+    values: FloatArray,
+    color: str,
+    label: str,
+    width: float,
+    dashes: str = "-",
 ) -> None:
     """Draw the positive part of a curve on a logarithmic scale."""
     from matplotlib.ticker import NullFormatter
 
     positive = np.where(values > 0, values, np.nan)
     if np.isfinite(positive).any():
-        axes.plot(along, positive, color=color, linewidth=width, label=label)
+        axes.plot(along, positive, color=color, linewidth=width, linestyle=dashes, label=label)
         axes.set_yscale("log")
         axes.yaxis.set_minor_formatter(NullFormatter())
 

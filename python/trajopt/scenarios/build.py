@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trajopt.checks import whole
 from trajopt.scenarios.keys import ScenarioError, call_with, entry_name
 from trajopt.scenarios.schema import objective_types, obstacle_types
 
@@ -58,7 +60,9 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
 
 
 def _options(table: dict[str, Any]) -> dict[str, Any]:
-    from trajopt.solver import Stage
+    """Arguments of `solve`, checked here so that an error names the section."""
+    from trajopt.settings import make_settings
+    from trajopt.solver import Stage, solve
 
     options = dict(table)
     if "stages" in table:
@@ -66,6 +70,11 @@ def _options(table: dict[str, Any]) -> dict[str, Any]:
             call_with(Stage, stage, f"[[solver.stages]] {number + 1}")
             for number, stage in enumerate(table["stages"])
         ]
+    known = signature(make_settings).parameters
+    defaults = {p.name: p.default for p in signature(solve).parameters.values() if p.name in known}
+    given = {key: value for key, value in options.items() if key in known}
+    call_with(make_settings, defaults | given, "[solver]", "solve", owner="solve")
+    call_with(whole, {}, "[solver]", "solve", "seed", options.get("seed", 0), 0, owner="solve")
     return options
 
 
