@@ -307,7 +307,7 @@ def verdicts(result: dict[str, Any]) -> list[str]:
 
     def judge(text: str, worst: tuple[float, str] | None, good: bool) -> None:
         if worst:
-            lines.append(f"{'kept' if good else 'MISSED'}: {text}: {worst[0]:.2f} at {worst[1]}")
+            lines.append(f"{'kept' if good else 'MISSED'}: {text}: {worst[0]:.3f} at {worst[1]}")
 
     rows = result["rows"]
     at = {id(r): f"({r['n']}, {r['B']})" for r in rows}

@@ -14,7 +14,7 @@ from trajopt.devices import choose_device
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
 from trajopt.methods import METHODS, paper_problem
 from trajopt.status import Status
-from trajopt.transcription import Stage
+from trajopt.transcription import Stage, term_labels
 
 if TYPE_CHECKING:
     from trajopt.problem import Problem
@@ -98,7 +98,9 @@ def make_settings(
     non_negative(owner, "noise", noise)
     if refine is not None:
         positive(owner, "refine", refine)
-    if stages is not None and (not stages or not all(isinstance(s, Stage) for s in stages)):
+    if stages is not None and not (
+        isinstance(stages, Sequence) and stages and all(isinstance(s, Stage) for s in stages)
+    ):
         raise ArgumentTypeError(f"{owner}: stages must be a list of Stage, not {stages!r}")
     return Settings(
         method=method,
@@ -152,6 +154,7 @@ def make_task(
             f"{owner}: {where}refine needs frames that are not periodic, not {kind}"
         )
     stages = settings.stages or METHODS[settings.method].stages
+    _check_factors(f"{owner}: {what}: " if index else f"{owner}: ", problem, stages)
     passes = list(enumerate(stages))
     if problem.contact is None and settings.stages is None:
         passes = passes[-1:]  # nothing that could grow stiffer
@@ -161,6 +164,18 @@ def make_task(
     if warm_start is not None:
         guess = resample(problem, warm_start, f"{owner}: warm_start{index}")
     return Task(problem, passes, guess, seed)
+
+
+def _check_factors(where: str, problem: Problem, stages: Sequence[Stage]) -> None:
+    """Find misspelt terms of a later stage before the earlier ones are solved."""
+    labels = term_labels(problem)
+    for number, stage in enumerate(stages):
+        for name in stage.factors:
+            if name not in labels:
+                raise ArgumentError(
+                    f"{where}stages[{number}]: factors names {name!r}, which is no term of the "
+                    f"objective; its terms: {', '.join(labels)}"
+                )
 
 
 def _remaining(passes: list[tuple[int, Stage]], warm_start: Solution) -> list[tuple[int, Stage]]:

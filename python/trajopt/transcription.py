@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from trajopt import _core
 from trajopt.checks import non_negative, positive, whole
-from trajopt.errors import ArgumentError, ArgumentTypeError
+from trajopt.errors import ArgumentTypeError
 from trajopt.kinematics import SLIDE, ball_slices
 from trajopt.physics import make_physics
 from trajopt.scaling import Scales
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from trajopt.traced import TracedResidual
     from trajopt.world import ResolvedContact
 
-__all__ = ["Stage", "Transcription"]
+__all__ = ["Stage", "Transcription", "term_labels"]
 
 FloatArray = NDArray[np.float64]
 
@@ -177,13 +177,7 @@ class Transcription:
     def _builder(
         self, initial: FloatArray, stage: Stage, counts: FloatArray | float = 1.0
     ) -> TermBuilder:
-        problem, labels = self.problem, self._labels()
-        for name in stage.factors:
-            if name not in labels:
-                raise ArgumentError(
-                    f"Stage: factors names {name!r}, which is no term of the objective; "
-                    f"its terms: {', '.join(labels)}"
-                )
+        problem, labels = self.problem, term_labels(self.problem)
         builder = TermBuilder(
             problem.model, self.core, self.scales, problem.times, problem.steps, initial
         )
@@ -204,22 +198,13 @@ class Transcription:
         values = dict(zip(*self._term_values(core, guess), strict=True))
         tasks = {
             label: term
-            for label, term in zip(self._labels(), self.problem.terms, strict=True)
+            for label, term in zip(term_labels(self.problem), self.problem.terms, strict=True)
             if term.task
         }
         for label, term in tasks.items():
             cost = values.get(label, 0.0)
             reached = not UNREACHED < cost < np.inf  # what is not finite is for check_start to name
             self.factors[label] = 1.0 if reached else term.weight / cost  # type: ignore[attr-defined]
-
-    def _labels(self) -> list[str]:
-        counts: dict[str, int] = {}
-        labels = []
-        for term in self.problem.terms:
-            label = getattr(term, "name", _snake_case(type(term).__name__))
-            counts[label] = counts.get(label, 0) + 1
-            labels.append(f"{label} {counts[label]}" if counts[label] > 1 else label)
-        return labels
 
     def _term_values(self, core: Any, guess: FloatArray) -> tuple[list[str], list[float]]:
         state = core.state_from_frames(self.to_core(guess))
@@ -296,6 +281,17 @@ def _leading_slides(model: Model) -> int:
     while count < min(3, len(model.joint_type)) and model.joint_type[count] == SLIDE:
         count += 1
     return count
+
+
+def term_labels(problem: Problem) -> list[str]:
+    """Return the names of a problem's terms, as in ``Solution.objective_terms``."""
+    counts: dict[str, int] = {}
+    labels = []
+    for term in problem.terms:
+        label = getattr(term, "name", _snake_case(type(term).__name__))
+        counts[label] = counts.get(label, 0) + 1
+        labels.append(f"{label} {counts[label]}" if counts[label] > 1 else label)
+    return labels
 
 
 def _snake_case(name: str) -> str:

@@ -350,6 +350,11 @@ def test_progress_on_a_terminal_is_a_bar():
         ({"tolerance": 0.0}, "solve_batch: tolerance must be > 0"),
         ({"refine": 0.1, "problems": [make(0.1), make(0.1, periodic=True)]}, r"problems\[1\]: ref"),
         ({"ordering": "random"}, "ordering"),
+        ({"stages": 5}, "stages must be a list of Stage, not 5"),
+        (
+            {"stages": [Stage(0.1), Stage(factors={"speed": 0.0})]},
+            r"problems\[0\]: stages\[1\]: factors names 'speed', which is no term",
+        ),
     ],
 )
 def test_bad_arguments_before_any_work(change, message, monkeypatch):

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
 from trajopt.collocation.interpolant import Interpolant
 from trajopt.collocation.layout import Layout, Link, Part
 from trajopt.collocation.phase import Phase, evaluate
 from trajopt.collocation.staged import Names, StagedNLP
 from trajopt.collocation.transcriptions import Transcription
+from trajopt.tracing import casadi
 
 __all__ = ["Assembly", "Link", "Part"]
 

@@ -31,7 +31,9 @@ def make_mesh(segments: Any) -> FloatArray:
         return np.linspace(0.0, 1.0, whole("solve", "segments", segments, 1) + 1)
     mesh = finite_array("solve", "segments", segments, (None,))
     if len(mesh) < 2 or np.any(np.diff(mesh) <= 0):
-        raise ArgumentError("solve: segments as an array of knots must rise, at least two")
+        raise ArgumentError(
+            f"solve: segments as an array of knots must rise, at least two, not {segments!r}"
+        )
     return np.asarray((mesh - mesh[0]) / (mesh[-1] - mesh[0]), dtype=np.float64)
 
 

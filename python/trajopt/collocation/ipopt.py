@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP, constraint_violation
 from trajopt.collocation.watch import Callback, IpoptWatch, Watch, iteration_rows
 from trajopt.interrupt import InterruptFlag
 from trajopt.status import Status
+from trajopt.tracing import casadi
 
 __all__ = ["solve_ipopt"]
 
@@ -119,7 +119,7 @@ def _run(
     try:
         result, stats = solver(**arguments), solver.stats()
     except KeyboardInterrupt:
-        # Pressed twice, within one iteration: IPOPT's last iterate, without multipliers.
+        # Pressed a third time, within one iteration: IPOPT's last iterate, without multipliers.
         x = watch.last_iterate()
         if not x.size:
             raise

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
 from trajopt.collocation.guess import Guess
 from trajopt.collocation.phase import Phase
 from trajopt.collocation.transcriptions import Transcription
 from trajopt.errors import ArgumentError
+from trajopt.tracing import casadi
 
 __all__ = ["Layout", "Link", "Part"]
 

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt import _core
-from trajopt.collocation._casadi import casadi
 from trajopt.collocation.staged import StagedNLP
 from trajopt.collocation.tape import make_tape
 from trajopt.collocation.watch import Callback, Watch
 from trajopt.errors import ArgumentError
 from trajopt.interrupt import InterruptFlag
 from trajopt.status import Status
+from trajopt.tracing import casadi
 
 __all__ = ["OPTIONS", "NativeSolver", "solve_native"]
 

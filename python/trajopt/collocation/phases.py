@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trajopt.checks import whole
-from trajopt.collocation._casadi import casadi
 from trajopt.collocation.assembly import Link
 from trajopt.collocation.bounds import pair
 from trajopt.collocation.problem import Problem
 from trajopt.errors import ArgumentError, ArgumentTypeError
 from trajopt.status import Status
-from trajopt.tracing import trace
+from trajopt.tracing import casadi, trace
 
 if TYPE_CHECKING:
     from trajopt.collocation.solution import Pass, Solution

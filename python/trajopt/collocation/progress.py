@@ -9,6 +9,8 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from trajopt.checks import whole
+
 __all__ = ["IterationPrinter"]
 
 # Title, width, key of the record, format.
@@ -45,7 +47,7 @@ class IterationPrinter:
 
     def __init__(self, stream: TextIO | None = None, every: int = 1) -> None:
         self._stream = sys.stderr if stream is None else stream
-        self._every = every
+        self._every = whole("IterationPrinter", "every", every, 1)
 
     def __call__(self, record: dict[str, Any], _x: NDArray[np.float64]) -> None:
         """Write a record."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
+from trajopt.tracing import casadi
 
 __all__ = ["Names", "StagedNLP", "Values", "constraint_violation"]
 

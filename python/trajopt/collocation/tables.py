@@ -45,8 +45,14 @@ def table(x: ArrayLike, y: ArrayLike) -> Callable[[Any], Any]:
     """
     where = finite_array("table", "x", x, (None,))
     values = finite_array("table", "y", y, where.shape)
-    if len(where) < 2 or np.any(np.diff(where) <= 0):
-        raise ArgumentError("table: x must rise and hold at least two values")
+    if len(where) < 2:
+        raise ArgumentError(f"table: x must hold at least two values, not {len(where)}")
+    falls = np.flatnonzero(np.diff(where) <= 0)
+    if len(falls):
+        k = int(falls[0])
+        raise ArgumentError(
+            f"table: x must rise, but x[{k}] = {where[k]:g} and x[{k + 1}] = {where[k + 1]:g}"
+        )
     spline = CubicSpline(where, values, bc_type="natural")
     cubic = np.append(spline.c[0], 0.0)
     steps = np.diff(cubic, prepend=0.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
+from trajopt.tracing import casadi
 
 __all__ = ["make_tape"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.checks import whole
-from trajopt.collocation._casadi import casadi
 from trajopt.collocation.problem import Problem
+from trajopt.tracing import casadi
 
 __all__ = ["DerivativeCheck", "check_derivatives"]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.collocation._casadi import casadi
 from trajopt.interrupt import InterruptFlag
+from trajopt.tracing import casadi
 
 __all__ = ["Callback", "IpoptWatch", "Watch", "iteration_rows"]
 

@@ -103,7 +103,7 @@ def test_a_table_is_the_natural_spline() -> None:
     beyond = look_up(np.array([-2.0, -1.0, 3.0, 4.0, 5.0]))
     assert beyond[1] - beyond[0] == pytest.approx(spline(0.0, 1), abs=1e-12)
     assert beyond[4] - beyond[3] == pytest.approx(beyond[3] - beyond[2], abs=1e-12)
-    with pytest.raises(ArgumentError, match="must rise"):
+    with pytest.raises(ArgumentError, match=r"x must rise, but x\[0\] = 0 and x\[1\] = 0"):
         col.table([0, 0, 1], [0, 1, 2])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from collocation.problems import block, cart_pole
-from trajopt import ArgumentTypeError, Status
+from trajopt import ArgumentError, ArgumentTypeError, Status
 from trajopt import collocation as col
 from trajopt.collocation.grids import Grid, make_grids
 from trajopt.collocation.refinement import refine_automatically, run_schedule
@@ -153,7 +153,7 @@ def test_ctrl_c_keeps_the_iterate(solver: str, watched: str) -> None:
     assert 1 <= int(rows) <= 15  # it takes 15 iterations to solve
 
 
-def test_a_second_ctrl_c_keeps_the_iterate_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_insistent_ctrl_c_keeps_the_iterate_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is raised inside of CasADi, which throws the results away."""
     recorder = Recorder()
 
@@ -212,3 +212,13 @@ def test_printer() -> None:
     assert lines[0].split()[:3] == ["it", "objective", "violation"]
     assert len(lines) == 1 + len(found.history)
     assert len({len(line) for line in lines}) == 1
+
+
+def test_printer_leaves_out_what_is_not_its_turn() -> None:
+    stream = io.StringIO()
+    show = col.IterationPrinter(stream, every=3)
+    for k in range(8):
+        show({"iteration": k}, np.zeros(0))
+    assert [line.split()[0] for line in stream.getvalue().splitlines()] == ["it", "0", "3", "6"]
+    with pytest.raises(ArgumentError, match="IterationPrinter: every must be a whole number >= 1"):
+        col.IterationPrinter(every=0)
