@@ -3,6 +3,7 @@
 
 #include <pybind11/stl.h>
 
+#include <memory>
 #include <string>
 
 #include "arrays.h"
@@ -43,13 +44,22 @@ inline bool undisturbed() {
   throw error;
 }
 
+// A Python function in the hands of code that copies it without the GIL: what is copied is the
+// pointer, and whoever drops it last takes the GIL.
+inline std::shared_ptr<const py::object> hold(const py::object& function) {
+  return {new py::object(function), [](const py::object* held) {
+            const py::gil_scoped_acquire gil;
+            delete held;
+          }};
+}
+
 // Wraps a Python observer, for which it takes the GIL.
 inline Observer make_observer(const py::object& function) {
-  return [function](const IterationRecord& record, const State& state) {
+  return [held = hold(function)](const IterationRecord& record, const State& state) {
     const py::gil_scoped_acquire gil;
     if (!undisturbed()) return false;
-    if (function.is_none()) return true;
-    const py::object go = function(record_dict(record), to_array(state));
+    if (held->is_none()) return true;
+    const py::object go = (*held)(record_dict(record), to_array(state));
     return go.is_none() || go.cast<bool>();
   };
 }

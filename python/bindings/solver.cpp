@@ -54,14 +54,14 @@ Report keep_records(std::vector<IterationRecord>& records, const StopFlag& stop)
 
 // Shows every record to Python, with a function that fetches the state: while it is looked at.
 Report show_records(const py::object& function) {
-  return [function](const IterationRecord& record, SqpPoint& point) {
+  return [held = hold(function)](const IterationRecord& record, SqpPoint& point) {
     const py::gil_scoped_acquire gil;
     const auto at = std::make_shared<SqpPoint*>(&point);
     const py::cpp_function state([at] {
       if (*at == nullptr) throw ArgumentError("a snapshot can be taken during the callback only");
       return to_array((*at)->state());
     });
-    const py::object go = function(record_dict(record), state);
+    const py::object go = (*held)(record_dict(record), state);
     *at = nullptr;
     return go.is_none() || go.cast<bool>();
   };
