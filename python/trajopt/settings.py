@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from trajopt.problem import Problem
     from trajopt.solution import Solution
 
-__all__ = ["Settings", "Task", "make_settings", "make_task"]
+__all__ = ["Settings", "Task", "check_factors", "make_settings", "make_task"]
 
 FloatArray = NDArray[np.float64]
 
@@ -154,7 +154,7 @@ def make_task(
             f"{owner}: {where}refine needs frames that are not periodic, not {kind}"
         )
     stages = settings.stages or METHODS[settings.method].stages
-    _check_factors(f"{owner}: {what}: " if index else f"{owner}: ", problem, stages)
+    check_factors(f"{owner}: {what}: " if index else f"{owner}: ", problem, stages)
     passes = list(enumerate(stages))
     if problem.contact is None and settings.stages is None:
         passes = passes[-1:]  # nothing that could grow stiffer
@@ -166,8 +166,21 @@ def make_task(
     return Task(problem, passes, guess, seed)
 
 
-def _check_factors(where: str, problem: Problem, stages: Sequence[Stage]) -> None:
-    """Find misspelt terms of a later stage before the earlier ones are solved."""
+def check_factors(where: str, problem: Problem, stages: Sequence[Stage]) -> None:
+    """Find misspelt terms of a later stage before the earlier ones are solved.
+
+    Parameters
+    ----------
+    where : str
+        What the message begins with.
+    problem : Problem
+    stages : sequence of Stage
+
+    Raises
+    ------
+    ArgumentError
+        Names stage and term.
+    """
     labels = term_labels(problem)
     for number, stage in enumerate(stages):
         for name in stage.factors:

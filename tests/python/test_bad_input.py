@@ -126,7 +126,7 @@ MISTAKES = {
     ),
     "no such term": (
         {"extra": "[solver]\n[[solver.stages]]\nfactors = { effort = 1.0 }"},
-        "factors names 'effort', which is no term of the objective",
+        "mine.toml: [solver]: stages[0]: factors names 'effort', which is no term of the objective",
     ),
     "bad stage": ({"extra": "[solver]\n[[solver.stages]]\nstiffness = 0"}, "stiffness must be > 0"),
     "unknown integrator": ({"grid": 'integrator = "rk4"'}, "integrator = 'rk4', expected one of"),

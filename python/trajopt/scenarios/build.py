@@ -30,6 +30,7 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
     """
     from trajopt.initial import parse_initial
     from trajopt.problem import Problem
+    from trajopt.settings import check_factors
     from trajopt.world import Contact
 
     model = _model(settings["model"], folder)
@@ -56,7 +57,11 @@ def build(settings: dict[str, Any], folder: Path) -> tuple[Problem, dict[str, An
         call_with(problem.add, {}, where, term, owner=kind.__name__)
     if not any(getattr(term, "weight", 1.0) > 0 for term in problem.terms):
         raise ScenarioError("[[objective]]: no objective term with a weight > 0")
-    return problem, _options(settings.get("solver", {}))
+    options = _options(settings.get("solver", {}))
+    call_with(
+        check_factors, {}, "[solver]", "solve: ", problem, options.get("stages", ()), owner="solve"
+    )
+    return problem, options
 
 
 def _options(table: dict[str, Any]) -> dict[str, Any]:
