@@ -14,12 +14,12 @@ using Signs = py::array_t<signed char, py::array::c_style | py::array::forcecast
 
 inline linalg::Ordering parse_ordering(const std::string& name) {
   using linalg::Ordering;
-  for (Ordering ordering :
-       {Ordering::automatic, Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
+  for (Ordering ordering : {Ordering::automatic, Ordering::sequential, Ordering::cyclic,
+                            Ordering::chunked, Ordering::frontal}) {
     if (name == linalg::ordering_name(ordering)) return ordering;
   }
   throw ArgumentError("ordering = '" + name +
-                      "', expected 'auto', 'sequential', 'cyclic' or 'chunked'");
+                      "', expected 'auto', 'sequential', 'cyclic', 'chunked' or 'frontal'");
 }
 
 // rhs as (batch, rows, m); returns m.

@@ -11,10 +11,11 @@
 
 namespace trajopt::linalg {
 
-// A coupling S (size x size) of the block that is eliminated with one of its neighbours:
+// A coupling S (size x columns) of the block that is eliminated with one of its neighbours:
 // U = W^-T S and V = D^-1 U. U == nullptr: there is no such neighbour.
 template <class T>
 struct BasicCoupling {
+  int columns = 0;
   const T* source = nullptr;
   long source_ld = 0;
   T* v = nullptr;
@@ -47,7 +48,8 @@ struct BasicElimination {
   long ld = 0;                  // of w, u and the couplings' u and v
   const T* diagonal = nullptr;  // the block; only its lower triangle counts; may be w itself
   long diagonal_ld = 0;
-  const double* original = nullptr;    // the block before any update, leading dimension `size`
+  const double* original = nullptr;    // diagonal element k before any update is at
+  long original_step = 0;              // original[k * original_step]
   const signed char* signs = nullptr;  // nullptr: all positive
   double regularization = 0.0;
   T* w = nullptr;        // out: W, its strict lower triangle
@@ -85,6 +87,9 @@ struct BasicBlockKernels {
 
   // The strict lower triangle of w to its final place (packed_triangle.h).
   void (*pack)(int size, const T* w, long ld, T* packed);
+
+  // target = source around the caches: whole cache lines, both from the beginning of one on.
+  void (*stream)(const T* source, T* target, long count);
 
   // Some rows more of what there is to fetch and to write.
   void (*move)(BasicTraffic<T>& traffic, int rows);

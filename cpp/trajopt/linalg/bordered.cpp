@@ -72,6 +72,7 @@ Pivot BorderedFactorization::factor_border(const double* e, const double* f,
   s.diagonal = schur_.data();
   s.diagonal_ld = ld_;
   s.original = f_.data();
+  s.original_step = border_ + 1L;
   s.signs = border_signs;
   s.regularization = regularization;
   s.w = schur_.data();

@@ -85,7 +85,7 @@ struct Corner {
   int check(const BasicElimination<T>& e, int k0, int rows) const {
     bool good[kTileRows], all = true;
     for (int r = 0; r < rows; ++r) {
-      const T before = static_cast<T>(e.original[(k0 + r) * (e.size + 1L)]) + shift[r];
+      const T before = static_cast<T>(e.original[(k0 + r) * e.original_step]) + shift[r];
       good[r] = good_pivot(pivot[r], inverse[r], sign[r], before);
       all &= good[r];
       e.inverse[k0 + r] = inverse[r];

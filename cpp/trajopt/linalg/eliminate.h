@@ -83,7 +83,7 @@ inline void eliminate_couplings(const BasicElimination<T>& e, int k0, const Corn
     const auto read = [&](int c, auto& tile) {
       tile.template read<false>(s->source + k0 * s->source_ld + c, s->source_ld, 0);
     };
-    eliminate_columns<MR>(e, k0, corner, read, s->v, s->u, e.size, rows_to_move);
+    eliminate_columns<MR>(e, k0, corner, read, s->v, s->u, s->columns, rows_to_move);
   }
 }
 

@@ -137,6 +137,7 @@ PivotFailure Factors<T>::run(const SymmetricBlockTridiagonal& a, int item, const
     e.size = size_;
     e.ld = ld_;
     e.original = a.diagonal(i, item);
+    e.original_step = size_ + 1L;
     e.signs = signs ? signs + static_cast<long>(i) * size_ : nullptr;
     e.regularization = regularization;
     e.w = scratch(worker, kW, set);
@@ -244,6 +245,7 @@ void Factors<T>::read_diagonal(const SymmetricBlockTridiagonal& a, int item, con
 template <class T>
 void Factors<T>::read_left(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                            BasicElimination<T>& e) const {
+  e.left.columns = size_;
   e.left.source = left_v(item, step.block);
   e.left.source_ld = v_ld_;
   if (!step.left_original) return;
@@ -261,6 +263,7 @@ void Factors<T>::read_left(const SymmetricBlockTridiagonal& a, int item, const S
 template <class T>
 void Factors<T>::read_right(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                             BasicElimination<T>& e) const {
+  e.right.columns = size_;
   e.right.source = right_v(item, step.block);
   e.right.source_ld = v_ld_;
   if (!step.right_original) return;

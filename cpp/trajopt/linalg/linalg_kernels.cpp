@@ -25,6 +25,7 @@ constexpr BasicBlockKernels<T> kTable = {
     transpose_block<T>,
     convert<T>,
     pack<T>,
+    stream_lines<T>,
     move<T>,
     substitute_transposed<T>,
     substitute<T>,

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "trajopt/base/error.h"
+
 namespace trajopt::linalg {
 
 namespace {
@@ -146,6 +148,8 @@ const char* ordering_name(Ordering ordering) {
       return "cyclic";
     case Ordering::chunked:
       return "chunked";
+    case Ordering::frontal:
+      return "frontal";
     default:
       return "auto";
   }
@@ -168,6 +172,10 @@ Schedule make_schedule(int blocks, Ordering ordering, int chunks) {
     }
     case Ordering::chunked:
       return make_chunked(blocks, chunks);
+    case Ordering::frontal:
+      throw ArgumentError(
+          "ordering = 'frontal': expected the frames of a trajectory that is not periodic, on the "
+          "processor; of blocks, 'sequential', 'cyclic' or 'chunked'");
     default: {
       Schedule schedule = make_chunked(blocks, 1);
       schedule.ordering = Ordering::sequential;

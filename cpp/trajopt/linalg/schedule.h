@@ -14,7 +14,8 @@ enum class Ordering {
   automatic,   // sequential for a batch or a short chain, two sweeps that meet in the middle else
   sequential,  // block Thomas, from the last block to the first
   cyclic,      // odd-even reduction: log2(n) stages, every second block of the chain at once
-  chunked      // independent sweeps over chunks, then cyclic reduction of the blocks between them
+  chunked,     // independent sweeps over chunks, then cyclic reduction of the blocks between them
+  frontal      // node by node, of a trajectory's KKT system only (problem/frontal_kkt.h)
 };
 
 const char* ordering_name(Ordering ordering);
@@ -50,7 +51,8 @@ struct Schedule {
   int max_runs() const;  // over the stages
 };
 
-// chunks: number of independent sweeps of `chunked`, reduced until each has a block.
+// chunks: number of independent sweeps of `chunked`, reduced until each has a block. Throws
+// ArgumentError for `frontal`, which knows more of a matrix than its blocks.
 Schedule make_schedule(int blocks, Ordering ordering, int chunks);
 
 }  // namespace trajopt::linalg

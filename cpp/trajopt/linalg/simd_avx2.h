@@ -42,6 +42,7 @@ TRAJOPT_ALWAYS_INLINE void store(double* p, __m256d v, int count) {
   _mm256_maskstore_pd(p, first_of_4(count), v);
 }
 TRAJOPT_ALWAYS_INLINE __m256d mul(__m256d a, __m256d b) { return _mm256_mul_pd(a, b); }
+TRAJOPT_ALWAYS_INLINE __m256d add(__m256d a, __m256d b) { return _mm256_add_pd(a, b); }
 // c - a*b with one rounding.
 TRAJOPT_ALWAYS_INLINE __m256d fnma(__m256d a, __m256d b, __m256d c) {
   return _mm256_fnmadd_pd(a, b, c);

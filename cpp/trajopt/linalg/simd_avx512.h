@@ -42,6 +42,7 @@ TRAJOPT_ALWAYS_INLINE void store(double* p, __m512d v, int count) {
   _mm512_mask_storeu_pd(p, first_of_8(count), v);
 }
 TRAJOPT_ALWAYS_INLINE __m512d mul(__m512d a, __m512d b) { return _mm512_mul_pd(a, b); }
+TRAJOPT_ALWAYS_INLINE __m512d add(__m512d a, __m512d b) { return _mm512_add_pd(a, b); }
 // c - a*b with one rounding.
 TRAJOPT_ALWAYS_INLINE __m512d fnma(__m512d a, __m512d b, __m512d c) {
   return _mm512_fnmadd_pd(a, b, c);

@@ -51,6 +51,10 @@ template <class T>
 TRAJOPT_ALWAYS_INLINE Vec<T> mul(Vec<T> a, Vec<T> b) {
   return {{a.v[0] * b.v[0], a.v[1] * b.v[1]}};
 }
+template <class T>
+TRAJOPT_ALWAYS_INLINE Vec<T> add(Vec<T> a, Vec<T> b) {
+  return {{a.v[0] + b.v[0], a.v[1] + b.v[1]}};
+}
 // c - a*b with one rounding.
 template <class T>
 TRAJOPT_ALWAYS_INLINE Vec<T> fnma(Vec<T> a, Vec<T> b, Vec<T> c) {

@@ -12,6 +12,11 @@ TRAJOPT_ALWAYS_INLINE void stream_line(const T* source, T* target) {
   for (int i = 0; i < kLine<T>; i += kWidth<T>) stream(target + i, load(source + i));
 }
 
+template <class T>
+inline void stream_lines(const T* source, T* target, long count) {
+  for (long k = 0; k < count; k += kLine<T>) stream_line(source + k, target + k);
+}
+
 // Always inlined: a function that only prefetches has no effect in the eyes of GCC, which drops it.
 template <class T>
 TRAJOPT_ALWAYS_INLINE void fetch_row(const BasicTraffic<T>& t, int r) {

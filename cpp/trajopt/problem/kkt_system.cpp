@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/problem/node_kernels.h"
 
@@ -9,6 +10,12 @@ namespace trajopt {
 
 using linalg::Factorization;
 using linalg::Ordering;
+
+bool KktSystem::frontal_possible(const TrajectoryProblem& problem) {
+  const ProblemOptions& options = problem.options();
+  return options.formulation == Formulation::frames && !options.periodic &&
+         problem.objective().callbacks.empty();
+}
 
 KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Ordering ordering)
     : problem_(problem),
@@ -21,11 +28,17 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
       threads_(std::max(problem.options().threads, 1)),
       ring_(problem.options().periodic),
       ordering_(ordering),
-      matrix_(ring_ ? blocks_ - 1 : blocks_, size_),
+      matrix_(ordering == Ordering::frontal ? 1 : (ring_ ? blocks_ - 1 : blocks_), size_),
       signs_(rows(), 1) {
   for (int node = 0; node < nodes_; ++node)
     std::fill_n(signs_.begin() + offset(node), dual_, static_cast<signed char>(-1));
-  if (ring_) {
+  if (ordering == Ordering::frontal) {
+    if (!frontal_possible(problem))
+      throw ArgumentError(
+          "ordering = 'frontal': expected formulation frames, not periodic, without terms that are "
+          "functions of the user");
+    frontal_ = std::make_unique<FrontalKkt>(nodes_, primal_, dual_);
+  } else if (ring_) {
     bordered_ =
         std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering);
     border_.resize(static_cast<std::size_t>(blocks_ - 1) * size_ * size_);
@@ -35,7 +48,9 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
   }
 }
 
-Ordering KktSystem::ordering() const { return ring_ ? ordering_ : factorization_->ordering(); }
+Ordering KktSystem::ordering() const {
+  return ring_ || frontal_ ? ordering_ : factorization_->ordering();
+}
 
 void KktSystem::put(int row_node, int row, int column_node, int column, int rows, int columns,
                     const double* block, int row_stride, int column_stride, double scale) {
@@ -67,6 +82,10 @@ void KktSystem::put(int row_node, int row, int column_node, int column, int rows
 }
 
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
+  if (frontal_) {
+    node_rows_ = {nodes_, primal_, dual_, smoothing_, damping, lin.node_rows.data()};
+    return;
+  }
   const bool in_place = !ring_ && problem_.options().formulation == Formulation::frames;
   if (!in_place) {
     matrix_.set_zero();
@@ -148,6 +167,7 @@ void KktSystem::shift_multipliers(double by) {
 }
 
 void KktSystem::factor(double epsilon) {
+  if (frontal_) return frontal_->factor(node_rows_, epsilon, threads_);
   // -epsilon on the multipliers only: added to the matrix itself, taken out again by refinement.
   // The entries are zero otherwise, so taking it back leaves no rounding.
   shift_multipliers(-epsilon);
@@ -176,6 +196,13 @@ void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
     parallel_for(blocks_, threads_, [&](long i, int) {
       std::copy_n(rhs.data() + i * block, block, rhs_copy_.data() + i * block);
     });
+  }
+  if (frontal_) {
+    frontal_->solve(rhs.data(), m, threads_);
+    if (refinements > 0)
+      frontal_->refine(node_rows_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,
+                       threads_);
+    return;
   }
   factorization_->solve(rhs.data(), m, threads_);
   if (refinements == 0) return;
@@ -211,6 +238,12 @@ void KktSystem::solve_ring(std::vector<double>& rhs, int m, int refinements) {
 
 void KktSystem::multiply(const std::vector<double>& x, std::vector<double>& y) const {
   y.resize(x.size());
+  if (frontal_) {
+    frontal_->residual(node_rows_, nullptr, x.data(), y.data(), 1, threads_);
+    for (double& value : y) value = -value;
+    std::copy(x.begin() + offset(nodes_), x.end(), y.begin() + offset(nodes_));  // padding
+    return;
+  }
   if (!ring_) {
     matrix_.matmul(x.data(), y.data(), 1, threads_);
     return;

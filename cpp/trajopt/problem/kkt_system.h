@@ -6,6 +6,9 @@
 // W = I + smoothing D2^T D2 is the metric steps are measured in (D2: second differences of the
 // frames): a trust region in it grants smooth changes of a motion more room than jagged ones.
 // A periodic problem closes the ring: its last block is the border of a bordered system.
+//
+// Ordering::frontal needs no such matrix: it eliminates the nodes of a linearization that was left
+// in node_rows.h's form.
 #pragma once
 
 #include <memory>
@@ -14,6 +17,7 @@
 #include "trajopt/linalg/block_tridiagonal.h"
 #include "trajopt/linalg/bordered.h"
 #include "trajopt/linalg/factorization.h"
+#include "trajopt/problem/frontal_kkt.h"
 #include "trajopt/problem/step_rows.h"
 #include "trajopt/problem/trajectory_problem.h"
 
@@ -37,7 +41,11 @@ class KktSystem {
   long rows() const { return static_cast<long>(blocks_) * size_; }
   long offset(int node) const { return static_cast<long>(node) * (primal_ + dual_); }
 
-  // Writes H + damping W and A. Without lin's Hessian (identity = true) writes [W A^T; A 0].
+  // Whether Ordering::frontal can do it: frames, not periodic, no terms that are functions.
+  static bool frontal_possible(const TrajectoryProblem& problem);
+
+  // Writes H + damping W and A. Without lin's Hessian (identity = true; not frontal) writes
+  // [W A^T; A 0]. A frontal system reads `lin` until the next call.
   void assemble(const Linearization& lin, double damping, bool identity = false);
 
   // Factors with -epsilon on the multiplier diagonal; throws FactorizationError.
@@ -74,6 +82,8 @@ class KktSystem {
   int nodes_, primal_, dual_, blocks_, size_, threads_;
   bool ring_;
   linalg::Ordering ordering_;
+  std::unique_ptr<FrontalKkt> frontal_;
+  NodeRows node_rows_{};                      // of a frontal system; the others have
   linalg::SymmetricBlockTridiagonal matrix_;  // a ring keeps its last block in the border
   std::unique_ptr<linalg::Factorization> factorization_;
   std::unique_ptr<linalg::BorderedFactorization> bordered_;

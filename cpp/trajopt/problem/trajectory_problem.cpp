@@ -7,6 +7,7 @@
 #include "trajopt/base/parallel.h"
 #include "trajopt/model/configuration.h"
 #include "trajopt/problem/node_kernels.h"
+#include "trajopt/problem/node_rows.h"
 
 namespace trajopt {
 
@@ -160,37 +161,20 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
   frames_of(state, out.frames);
   out.frame_constraint.resize(n * m);
   out.torque.resize(n * nu);
-  if (lin != nullptr) {
-    lin->hessian.resize(n * 6 * d * d);
-    lin->gradient.resize(n * 3 * d);
-    lin->jacobian.resize(n * 3 * m * d);
-  }
   const FrameInput in = frame_input(out.frames.data(), augmentation);
-  const FrameOutput frame_out{out.frame_constraint.data(),
-                              out.torque.data(),
-                              cost_.data(),
-                              lin ? lin->hessian.data() : nullptr,
-                              lin ? lin->gradient.data() : nullptr,
-                              lin ? lin->jacobian.data() : nullptr};
-  const FrameKernels& kernels = frame_kernels();
-  const std::size_t bytes = kernels.scratch_bytes(in);
+  const std::size_t bytes = frame_kernels().scratch_bytes(in);
   const int workers = std::max(options_.threads, 1);
   if (bytes > scratch_bytes_ || static_cast<int>(scratch_.size()) < workers) {
     scratch_.clear();
     for (int k = 0; k < workers; ++k) scratch_.push_back(aligned_buffer(bytes));
     scratch_bytes_ = bytes;
   }
-  const auto kernel = lin ? kernels.linearize : kernels.evaluate;
-  const auto local_kernel = node_kernels().local_term;
-  parallel_for((n + kernels.lanes - 1) / kernels.lanes, workers, [&](long group, int worker) {
-    const long begin = group * kernels.lanes;
-    const long end = std::min<long>(begin + kernels.lanes, n);
-    kernel(in, begin, static_cast<int>(end - begin), scratch_[worker].get(), frame_out);
-    for (std::size_t k = 0; k < local_terms_.size(); ++k) {  // while the windows are in cache
-      local_kernel(in, local_terms_[k], begin, end, frame_out.hessian, frame_out.gradient,
-                   local_cost_.data() + k * n);
-    }
-  });
+  if (lin != nullptr) lin->gradient.resize(n * 3 * d);
+  if (lin != nullptr && lin->by_nodes) {
+    run_nodes(in, out, *lin);
+  } else {
+    run_frames(in, out, lin);
+  }
 
   out.terms.assign(objective_.size(), 0.0);
   std::size_t index = 0;
@@ -215,6 +199,74 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
   };
   out.frame_violation = largest(out.frame_constraint);
   out.constraint_norm = spline_ ? largest(out.constraint) : out.frame_violation;
+}
+
+// Frames [begin, end) with their local terms, while the windows are in cache.
+void TrajectoryProblem::run_chunk(const FrameInput& in, const FrameOutput& out, bool derivatives,
+                                  long begin, long end, int worker) {
+  const FrameKernels& kernels = frame_kernels();
+  const auto kernel = derivatives ? kernels.linearize : kernels.evaluate;
+  const auto local_kernel = node_kernels().local_term;
+  for (long f = begin; f < end; f += kernels.lanes) {
+    const long last = std::min<long>(f + kernels.lanes, end);
+    kernel(in, f, static_cast<int>(last - f), scratch_[worker].get(), out);
+    for (std::size_t k = 0; k < local_terms_.size(); ++k) {
+      local_kernel(in, local_terms_[k], f, last, out.hessian, out.gradient,
+                   local_cost_.data() + k * frame_count_);
+    }
+  }
+}
+
+void TrajectoryProblem::run_frames(const FrameInput& in, Evaluation& out, Linearization* lin) {
+  const long n = frame_count_, d = model_.ndof, m = model_.unactuated.size();
+  if (lin != nullptr) {
+    lin->hessian.resize(n * 6 * d * d);
+    lin->jacobian.resize(n * 3 * m * d);
+  }
+  const FrameOutput to{out.frame_constraint.data(),
+                       out.torque.data(),
+                       cost_.data(),
+                       lin ? lin->hessian.data() : nullptr,
+                       lin ? lin->gradient.data() : nullptr,
+                       lin ? lin->jacobian.data() : nullptr};
+  const int lanes = frame_kernels().lanes;
+  parallel_for((n + lanes - 1) / lanes, std::max(options_.threads, 1), [&](long group, int worker) {
+    run_chunk(in, to, lin != nullptr, group * lanes, std::min((group + 1) * lanes, n), worker);
+  });
+}
+
+// Windows live in the cache only: a worker adds those of a chunk of frames to the nodes' rows
+// before it goes on. What a chunk has for the two nodes before it is added when all chunks are
+// done.
+void TrajectoryProblem::run_nodes(const FrameInput& in, Evaluation& out, Linearization& lin) {
+  constexpr long kFrames = 16;  // of a chunk: a multiple of any kernel's lanes
+  constexpr long kSpare = 64;   // kernels load whole vectors at the last element
+  const long n = frame_count_, d = model_.ndof, m = model_.unactuated.size();
+  const long chunks = (n + kFrames - 1) / kFrames, spill = NodeRows::kSpillBlocks * d * d;
+  const long window = 6 * d * d, jacobian = 3 * m * d;
+  const int workers = std::max(options_.threads, 1);
+  const NodeRows rows{nodes_, primal_, dual_, 0.0, 0.0, nullptr};
+  lin.node_rows.resize(n * rows.length() + kSpare);
+  spill_.resize(chunks * spill);
+  windows_.resize(workers);
+  for (LargeVector<double>& w : windows_) w.resize(kFrames * (window + jacobian));
+  const NodeRowKernels& kernels = node_row_kernels(Isa::avx512);
+  parallel_for(chunks, workers, [&](long chunk, int worker) {
+    const long begin = chunk * kFrames, end = std::min(begin + kFrames, n);
+    double* windows = windows_[worker].data();
+    double* jacobians = windows + kFrames * window;
+    // As if the arrays began with frame 0, as the kernels have it.
+    const FrameOutput to{
+        out.frame_constraint.data(), out.torque.data(),   cost_.data(),
+        windows - begin * window,    lin.gradient.data(), jacobians - begin * jacobian};
+    run_chunk(in, to, true, begin, end, worker);
+    kernels.add_windows(rows, begin, end, windows, jacobians, lin.node_rows.data(),
+                        spill_.data() + chunk * spill);
+  });
+  parallel_for(chunks - 1, workers, [&](long chunk, int) {
+    kernels.add_spill(rows, (chunk + 1) * kFrames, spill_.data() + (chunk + 1) * spill,
+                      lin.node_rows.data());
+  });
 }
 
 // Leaves the cost of every frame in items_.

@@ -52,6 +52,10 @@ struct Evaluation {
 struct Linearization {
   LargeVector<double> hessian, gradient, jacobian;  // N x 6 x D x D, N x 3 x D, N x 3 x m x D
   std::vector<double> node_gradient;                // nodes x primal
+  // Asked for (KktSystem::frontal_possible()), the matrix by nodes instead of windows and
+  // Jacobians.
+  bool by_nodes = false;
+  LargeVector<double> node_rows;  // node_rows.h
 };
 
 class TrajectoryProblem {
@@ -93,6 +97,10 @@ class TrajectoryProblem {
 
  private:
   void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
+  void run_frames(const FrameInput& in, Evaluation& out, Linearization* lin);
+  void run_nodes(const FrameInput& in, Evaluation& out, Linearization& lin);
+  void run_chunk(const FrameInput& in, const FrameOutput& out, bool derivatives, long begin,
+                 long end, int worker);
   void add_callback(const CallbackObjective& term, const Evaluation& out, Linearization* lin);
   void reduce_gradient(Linearization& lin) const;
 
@@ -110,9 +118,11 @@ class TrajectoryProblem {
   std::vector<LocalTerm> local_terms_;
   std::vector<AlignedBuffer> scratch_;  // per worker
   std::size_t scratch_bytes_ = 0;
-  std::vector<double> cost_;        // N x dense terms
-  std::vector<double> local_cost_;  // local terms x N
-  std::vector<double> items_;       // N: what is being summed
+  std::vector<LargeVector<double>> windows_;  // per worker, of run_nodes()
+  LargeVector<double> spill_;                 // per chunk, likewise
+  std::vector<double> cost_;                  // N x dense terms
+  std::vector<double> local_cost_;            // local terms x N
+  std::vector<double> items_;                 // N: what is being summed
   std::vector<double> callback_residual_, callback_jacobian_;
 };
 

@@ -19,11 +19,12 @@ class CpuExecutor final : public SqpExecutor {
       : problem_(problem),
         options_(options),
         kernels_(node_kernels()),
-        kkt_(problem, options.smoothing, options.ordering),
+        kkt_(problem, options.smoothing, ordering(problem, options)),
         state_(state),
         solution_(2 * kkt_.rows()),
         correction_(kkt_.rows()),
         items_(static_cast<std::size_t>(kStepItems) * kkt_.nodes()) {
+    lin_.by_nodes = kkt_.ordering() == linalg::Ordering::frontal;
     for (Trial& t : trials_) {
       t.step.resize(static_cast<std::size_t>(kkt_.nodes()) * kkt_.primal());
       t.state.resize(state.size());
@@ -67,6 +68,13 @@ class CpuExecutor final : public SqpExecutor {
     State state;
     Evaluation point;
   };
+
+  static linalg::Ordering ordering(const TrajectoryProblem& problem,
+                                   const ExecutorOptions& options) {
+    const bool automatic = options.ordering == linalg::Ordering::automatic;
+    return automatic && KktSystem::frontal_possible(problem) ? linalg::Ordering::frontal
+                                                             : options.ordering;
+  }
 
   Trial& trial() { return trials_[at_]; }
 

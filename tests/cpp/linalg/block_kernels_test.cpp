@@ -107,12 +107,13 @@ void BlockKernelsTest::eliminate() const {
   e.diagonal = e.w = w.data();
   e.diagonal_ld = w.ld();
   e.original = original.data();
+  e.original_step = n + 1;
   e.signs = signs.data();
   e.regularization = 0.25;
   e.u = u.data();
   e.inverse = inverse.data();
-  e.left = {left.data(), left.ld(), v_left.data(), u_left.data()};
-  e.right = {right.data(), right.ld(), v_right.data(), u_right.data()};
+  e.left = {n, left.data(), left.ld(), v_left.data(), u_left.data()};
+  e.right = {n, right.data(), right.ld(), v_right.data(), u_right.data()};
   ASSERT_EQ(kernels<T>().eliminate(e).row, -1);
 
   std::vector<Matrix<T>> s = {left.matrix(), right.matrix()}, unscaled;

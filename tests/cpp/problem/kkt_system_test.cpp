@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "problem/fixtures.h"
+#include "trajopt/base/error.h"
 #include "trajopt/problem/node_kernels.h"
 
 namespace trajopt {
@@ -21,10 +22,20 @@ struct Linearized {
   Linearization lin;
 };
 
-Linearized linearize(test::Case c, double augmentation = 0) {
+// In the form that an ordering asks for.
+Linearized linearize(test::Case c, double augmentation = 0,
+                     Ordering ordering = Ordering::sequential) {
   Linearized l{std::move(c), {}, {}};
+  l.lin.by_nodes = ordering == Ordering::frontal;
   l.c.problem->linearize(l.c.state, augmentation, l.e, l.lin);
   return l;
+}
+
+std::vector<Ordering> orderings(const test::Setup& setup) {
+  std::vector<Ordering> all = {Ordering::sequential, Ordering::cyclic, Ordering::chunked};
+  if (KktSystem::frontal_possible(*test::make_case(setup).problem))
+    all.push_back(Ordering::frontal);
+  return all;
 }
 
 // Gaussian elimination with partial pivoting in long double; m = b.size() right-hand sides.
@@ -193,7 +204,6 @@ TEST_P(Kkt, Metric) {
 }
 
 TEST_P(Kkt, StepsOfAllOrderings) {
-  const Linearized l = linearize(test::make_case(GetParam().setup), 1e-3);
   const auto norm = [](const std::vector<double>& v) {
     double sum = 0;
     for (double value : v) sum += value * value;
@@ -201,7 +211,9 @@ TEST_P(Kkt, StepsOfAllOrderings) {
   };
   double worst = 0;
   for (bool identity : {false, true}) {
-    for (Ordering ordering : {Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
+    for (Ordering ordering : orderings(GetParam().setup)) {
+      if (identity && ordering == Ordering::frontal) continue;  // it has no such form
+      const Linearized l = linearize(test::make_case(GetParam().setup), 1e-3, ordering);
       KktSystem kkt(*l.c.problem, 60.0, ordering);
       kkt.assemble(l.lin, 1e-2, identity);
       const Columns k = test::dense(kkt);
@@ -233,12 +245,12 @@ TEST_P(Kkt, StepsOfAllOrderings) {
 }
 
 TEST_P(Kkt, SameBitsForAnyThreadCount) {
-  for (Ordering ordering : {Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
+  for (Ordering ordering : orderings(GetParam().setup)) {
     std::vector<double> solutions[2];
     for (int threads : {1, 2}) {
       test::Setup setup = GetParam().setup;
       setup.threads = threads;
-      const Linearized l = linearize(test::make_case(setup), 1e-3);
+      const Linearized l = linearize(test::make_case(setup), 1e-3, ordering);
       KktSystem kkt(*l.c.problem, 60.0, ordering);
       kkt.assemble(l.lin, 1e-2);
       kkt.factor(1e-10);
@@ -252,6 +264,41 @@ TEST_P(Kkt, SameBitsForAnyThreadCount) {
       x.push_back(l.e.objective);
     }
     EXPECT_EQ(solutions[0], solutions[1]) << linalg::ordering_name(ordering);
+  }
+}
+
+// The matrix by nodes is the matrix by blocks, also across the chunks in which frames are worked
+// on.
+TEST(KktByNodes, IsTheMatrixByBlocks) {
+  for (int frames : {1, 2, 3, 15, 16, 17, 18, 33, 64}) {
+    for (int threads : {1, 2}) {
+      const test::Setup setup{.frames = frames, .uneven = true, .threads = threads};
+      const Linearized blocks = linearize(test::make_case(setup), 1e-3);
+      const Linearized nodes = linearize(test::make_case(setup), 1e-3, Ordering::frontal);
+      EXPECT_EQ(nodes.e.objective, blocks.e.objective);
+      EXPECT_EQ(nodes.lin.node_gradient, blocks.lin.node_gradient);
+      KktSystem by_blocks(*blocks.c.problem, 60.0, Ordering::sequential);
+      KktSystem by_nodes(*nodes.c.problem, 60.0, Ordering::frontal);
+      by_blocks.assemble(blocks.lin, 0.3);
+      by_nodes.assemble(nodes.lin, 0.3);
+      const std::vector<double> x = test::Random(7).vector(by_blocks.rows());
+      std::vector<double> expected, actual;
+      by_blocks.multiply(x, expected);
+      by_nodes.multiply(x, actual);
+      double scale = 0;
+      for (double value : expected) scale = std::max(scale, std::abs(value));
+      ASSERT_EQ(actual.size(), expected.size());
+      for (std::size_t i = 0; i < expected.size(); ++i)
+        ASSERT_NEAR(actual[i], expected[i], 1e-14 * scale) << frames << " frames, row " << i;
+    }
+  }
+}
+
+TEST(KktByNodes, IsRefusedWhereItIsNotPossible) {
+  for (const test::Setup& setup :
+       {test::Setup{.formulation = Formulation::spline}, test::Setup{.periodic = true}}) {
+    const test::Case c = test::make_case(setup);
+    EXPECT_THROW(KktSystem(*c.problem, 60.0, Ordering::frontal), ArgumentError);
   }
 }
 
