@@ -25,7 +25,7 @@ __all__ = ["Settings", "Task", "check_factors", "make_settings", "make_task"]
 FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 1000
-ORDERINGS = ("auto", "sequential", "cyclic", "chunked")
+ORDERINGS = ("auto", "frontal", "sequential", "cyclic", "chunked")
 
 
 @dataclass(frozen=True)
@@ -153,6 +153,7 @@ def make_task(
         raise ArgumentError(
             f"{owner}: {where}refine needs frames that are not periodic, not {kind}"
         )
+    _check_ordering(f"{owner}: {what}: " if index else f"{owner}: ", settings, problem)
     stages = settings.stages or METHODS[settings.method].stages
     check_factors(f"{owner}: {what}: " if index else f"{owner}: ", problem, stages)
     passes = list(enumerate(stages))
@@ -164,6 +165,25 @@ def make_task(
     if warm_start is not None:
         guess = resample(problem, warm_start, f"{owner}: warm_start{index}")
     return Task(problem, passes, guess, seed)
+
+
+def _check_ordering(where: str, settings: Settings, problem: Problem) -> None:
+    if settings.ordering != "frontal":
+        return
+    found = []
+    if settings.device != "cpu":
+        found.append(f"device {settings.device!r}")
+    if settings.method != "default":
+        found.append(f"method {settings.method!r}")
+    if problem.formulation != "frames":
+        found.append(f"formulation {problem.formulation!r}")
+    if problem.periodic:
+        found.append("periodic=True")
+    if found:
+        raise ArgumentError(
+            f"{where}ordering 'frontal' is for the default method on the CPU and frames that are "
+            f"not periodic, not for {', '.join(found)}"
+        )
 
 
 def check_factors(where: str, problem: Problem, stages: Sequence[Stage]) -> None:

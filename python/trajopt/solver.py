@@ -71,8 +71,9 @@ def solve(
     stages : sequence of Stage, optional
         Passes of the solve. A warm start goes on in the pass where it was cut off; a motion that
         was solved runs only the last.
-    ordering : {"auto", "sequential", "cyclic", "chunked"}
-        Elimination order of the KKT system.
+    ordering : {"auto", "frontal", "sequential", "cyclic", "chunked"}
+        Elimination order of the KKT system: frame by frame, or one of blocks of two nodes.
+        ``"auto"`` is the fastest one that there is for the problem and the device.
     refine : float, optional
         Refine the time grid where the residual between frames exceeds this share of the body
         weight, and solve again.

@@ -60,12 +60,12 @@ def digest(formulation, threads, ordering):
 
 @pytest.mark.parametrize("formulation", ["frames", "spline"])
 def test_same_bits_for_every_instruction_set_and_thread_count(formulation):
+    orderings = ["auto", "sequential", "cyclic", "chunked"]  # of frames, the first is frontal
     script = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
         "from test_core_problem import digest\n"
         "from trajopt import _core\n"
-        f"print(_core.isa(), *[digest({formulation!r}, t, o)"
-        " for o in ('sequential', 'cyclic', 'chunked') for t in (1, 2)])"
+        f"print(_core.isa(), *[digest({formulation!r}, t, o) for o in {orderings} for t in (1, 2)])"
     )
     results = {}
     for isa in ("portable", "avx2", "avx512"):

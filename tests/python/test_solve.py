@@ -208,12 +208,33 @@ def test_seeds_differ():
     assert (one.seed, two.seed) == (0, 1)
 
 
-@pytest.mark.parametrize("ordering", ["sequential", "cyclic", "chunked"])
+@pytest.mark.parametrize("ordering", ["frontal", "sequential", "cyclic", "chunked"])
 def test_orderings_agree(ordering):
     solution = solve(make(), ordering=ordering, stages=[Stage()], max_iterations=10)
     other = solve(make(), stages=[Stage()], max_iterations=10)
     assert solution.ordering == ordering
     np.testing.assert_allclose(solution.x, other.x, atol=1e-5)
+
+
+def test_frames_that_are_not_periodic_are_eliminated_one_by_one():
+    frontal, other = (
+        solve(make(), ordering=ordering, stages=[Stage()], max_iterations=10)
+        for ordering in ("frontal", "auto")
+    )
+    assert frontal.x.tobytes() == other.x.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("problem", "options", "found"),
+    [
+        ({"formulation": "spline"}, {}, "formulation 'spline'"),
+        ({"periodic": True}, {}, "periodic=True"),
+        ({}, {"method": "paper"}, "method 'paper', formulation 'spline'"),
+    ],
+)
+def test_frontal_is_refused_where_it_does_not_exist(problem, options, found):
+    with pytest.raises(trajopt.ArgumentError, match=f"ordering 'frontal' .* not for {found}"):
+        solve(make(**problem), ordering="frontal", **options)
 
 
 # ---- warm starts -----------------------------------------------------------------------------
@@ -488,7 +509,7 @@ def test_a_loose_ball_beside_the_robot(mjcf):
     ("options", "message"),
     [
         ({"method": "magic"}, "method = 'magic', expected one of default, paper"),
-        ({"ordering": "random"}, "ordering = 'random', expected one of auto, sequential"),
+        ({"ordering": "random"}, "ordering = 'random', expected one of auto, frontal"),
         ({"device": "tpu"}, "device = 'tpu', expected 'cpu', 'cuda' or 'auto'"),
         ({"threads": 0}, "threads must be a whole number >= 1, not 0"),
         ({"threads": 1.5}, "threads must be a whole number >= 1, not 1.5"),

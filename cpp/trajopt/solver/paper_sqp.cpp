@@ -47,7 +47,10 @@ class PaperSolver {
         observer_(observer),
         newton_(problem, 0.0, options.ordering),
         projection_(problem, 0.0, options.ordering),
-        penalty_(options.penalty) {}
+        penalty_(options.penalty) {
+    if (options.ordering == linalg::Ordering::frontal)
+      throw ArgumentError("ordering = 'frontal': method 'paper' works on blocks");
+  }
 
   Result run() {
     linearize();
