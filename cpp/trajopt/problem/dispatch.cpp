@@ -1,14 +1,18 @@
 #include "trajopt/base/kernel_table.h"
 #include "trajopt/problem/frame_kernels.h"
 #include "trajopt/problem/node_kernels.h"
+#include "trajopt/problem/spline_kernels.h"
 
 namespace trajopt {
 
 TRAJOPT_KERNEL_TABLE(FrameKernels, kFrameKernels, frame_tables)
 TRAJOPT_KERNEL_TABLE(NodeKernels, kNodeKernels, node_tables)
+TRAJOPT_KERNEL_TABLE(SplineKernels, kSplineKernels, spline_tables)
 
 const FrameKernels& frame_kernels() { return frame_tables().active(); }
 
 const NodeKernels& node_kernels() { return node_tables().active(); }
+
+const SplineKernels& spline_kernels() { return spline_tables().active(); }
 
 }  // namespace trajopt
