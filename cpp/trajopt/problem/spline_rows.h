@@ -68,8 +68,7 @@ TRAJOPT_HD inline void retract_control_point(const ModelView& model, const Splin
                                              double* to) {
   const long nq = model.nq, d = model.ndof, velocity = s.segments * nq + node * d;
   integrate_body(model, from + node * nq, step + node * 2 * d, to + node * nq);
-  for (long k = 0; k < d; ++k)
-    to[velocity + k] = from[velocity + k] + step[node * 2 * d + d + k];
+  for (long k = 0; k < d; ++k) to[velocity + k] = from[velocity + k] + step[node * 2 * d + d + k];
 }
 
 }  // namespace trajopt::inline TRAJOPT_ISA
