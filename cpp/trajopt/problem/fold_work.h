@@ -6,64 +6,79 @@
 
 namespace trajopt::inline TRAJOPT_ISA {
 
-// What a point is judged by: the sum of each term, and the largest constraint.
+// What a point is judged by: the sum of each term, then the largest constraint of a frame and, of a
+// spline, the largest of a control point. Nodes are no more than frames: what they lack is zero.
 struct PointItems {
-  const double *cost, *local_cost, *constraint;
-  int nterm, nlocal, m;
-  long frames;
+  const double *cost, *local_cost, *frame_constraint, *constraint;
+  int nterm, nlocal, m, dual;
+  long frames, nodes;
 
   TRAJOPT_HD PointItems(const FramesSystem& s, bool tried)
       : cost(s.cost),
         local_cost(s.local_cost),
+        frame_constraint(s.point(tried).frame_constraint),
         constraint(s.point(tried).constraint),
         nterm(s.in.nterm),
         nlocal(s.nlocal),
-        m(s.dual()),
-        frames(s.frames()) {}
+        m(s.constraints()),
+        dual(s.dual()),
+        frames(s.frames()),
+        nodes(s.nodes()) {}
   TRAJOPT_HD double operator()(int fold, long f) const {
     if (fold < nterm) return cost[f * nterm + fold];
     if (fold < nterm + nlocal) return local_cost[(fold - nterm) * frames + f];
-    double most = 0.0;
-    for (int r = 0; r < m; ++r) most = Largest{}(most, magnitude(constraint[f * m + r]));
-    return most;
+    if (fold == nterm + nlocal) return most(frame_constraint + f * m, m);
+    return f < nodes ? most(constraint + f * dual, dual) : 0.0;
+  }
+  TRAJOPT_HD static double most(const double* values, int count) {
+    double largest = 0.0;
+    for (int r = 0; r < count; ++r) largest = Largest{}(largest, magnitude(values[r]));
+    return largest;
   }
 };
 
 struct StepItems {
   const double* items;
   long nodes;
-  TRAJOPT_HD StepItems(const FramesSystem& s, bool) : items(s.items), nodes(s.frames()) {}
+  TRAJOPT_HD StepItems(const FramesSystem& s, bool) : items(s.items), nodes(s.nodes()) {}
   TRAJOPT_HD double operator()(int fold, long i) const { return items[fold * nodes + i]; }
 };
 
-// Folds of several sequences of a problem's items, as two launches: all chunks, then what is left
-// of each sequence. Of the last sequence the largest value is wanted, of the others the sum.
+// What is folded: `count` items of `folds` sequences a problem. Of the first `sums` the sum is
+// wanted, of the others the largest value.
+struct Folds {
+  long count;
+  int folds, sums;
+  TRAJOPT_HD long chunks() const { return tree_chunks(count); }
+};
+
+// Folds of a problem's items, as two launches: all chunks, then what is left of each sequence.
 template <class Items>
 struct FoldChunksWork {
   static constexpr const char* kName = "fold chunks";
   static constexpr int kMaxRanks = kTreeWidth;
   FramesBatch b;
   bool tried;
-  int folds;
+  Folds f;
   double* partial;  // places x folds x chunks
 
-  TRAJOPT_HD long jobs() const { return b.places * folds * tree_chunks(b.frames); }
+  TRAJOPT_HD long jobs() const { return b.places * f.folds * f.chunks(); }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
   std::size_t bytes() const { return kTreeWidth * sizeof(double); }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
     double* slots = static_cast<double*>(space);
-    const long chunks = tree_chunks(b.frames), begin = job % chunks * kTreeWidth;
-    const int fold = static_cast<int>(job / chunks % folds);
-    const FramesSystem* s = b.system(job / chunks / folds);
+    const long chunks = f.chunks(), begin = job % chunks * kTreeWidth;
+    const int fold = static_cast<int>(job / chunks % f.folds);
+    const FramesSystem* s = b.system(job / chunks / f.folds);
     if (s == nullptr) return;
     const Items items(*s, tried);
     const auto get = [&](long i) { return items(fold, i); };
-    if (fold + 1 < folds) {
-      fold_chunk<Sum>(group, begin, b.frames, get, slots);
+    if (fold < f.sums) {
+      fold_chunk<Sum>(group, begin, f.count, get, slots);
     } else {
-      fold_chunk<Largest>(group, begin, b.frames, get, slots);
+      fold_chunk<Largest>(group, begin, f.count, get, slots);
     }
     for_each(group, 1, [&](int) { partial[job] = slots[0]; });
   }
@@ -73,22 +88,22 @@ struct FoldRestWork {
   static constexpr const char* kName = "fold rest";
   static constexpr int kMaxRanks = kTreeWidth;
   FramesBatch b;
-  int folds;
+  Folds f;
   double* partial;  // places x folds x chunks; overwritten
   double* result;   // places x folds
 
-  TRAJOPT_HD long jobs() const { return b.places * folds; }
+  TRAJOPT_HD long jobs() const { return b.places * f.folds; }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
   std::size_t bytes() const { return kTreeWidth * sizeof(double); }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
-    if (b.system(job / folds) == nullptr) return;
+    if (b.system(job / f.folds) == nullptr) return;
     double* slots = static_cast<double*>(space);
-    const long chunks = tree_chunks(b.frames);
+    const long chunks = f.chunks();
     double* values = partial + job * chunks;
     if (chunks > 1) {
-      if (job % folds + 1 < folds) {
+      if (job % f.folds < f.sums) {
         fold_tree<Sum>(group, values, chunks, slots);
       } else {
         fold_tree<Largest>(group, values, chunks, slots);

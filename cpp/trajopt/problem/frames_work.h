@@ -1,12 +1,14 @@
-// The launches of one iteration of the frames formulation, one type each (linalg/group_work.h says
-// what a launch is), for many problems at once. They run the bodies that the processor's executor
-// runs; here stands only who does which frame, node or block row, and where its numbers lie.
+// The launches of one iteration, one type each (linalg/group_work.h says what a launch is), for
+// many problems at once; what a spline needs beside them is in spline_work.h. They run the bodies
+// that the processor's executor runs; here stands only who does which frame, node or block row, and
+// where its numbers lie.
 #pragma once
 
 #include "trajopt/problem/fold_work.h"
 #include "trajopt/problem/frame_body.h"
 #include "trajopt/problem/frames_system.h"
 #include "trajopt/problem/kkt_rows.h"
+#include "trajopt/problem/spline_rows.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
 
@@ -45,11 +47,12 @@ struct FramesWork {
 
   TRAJOPT_HD void frame(const FramesSystem& s, long f, void* memory) const {
     const FramesPoint& at = s.point(tried);
-    const long d = s.primal();
+    const long d = s.dofs();
     FrameInput in = s.in;
     in.frames = at.frames;
     run_frames<double, Derivatives>(
-        in, f, 1, memory, {at.constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian});
+        in, f, 1, memory,
+        {at.frame_constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian});
     const LocalFrame local = local_frame(in, f);
     for (int k = 0; k < s.nlocal; ++k) {
       s.local_cost[k * b.frames + f] = add_local_term<Derivatives>(
@@ -59,15 +62,20 @@ struct FramesWork {
   }
 };
 
-// A launch of body(system, i) for the nodes i of every problem, a rank each. A body that is
-// `padded` sees the node, too, that fills the last block of an odd count.
+// What a launch goes over; padded: with the node that fills the last block of an odd count.
+enum class Over { frames, nodes, padded_nodes };
+
+// A launch of body(system, i) for the nodes or frames i of every problem, a rank each.
 template <class Body>
 struct NodesWork {
   static constexpr const char* kName = Body::kName;
   static constexpr int kMaxRanks = 64;
   FramesBatch b;
 
-  TRAJOPT_HD long count() const { return Body::kPadded ? 2 * b.blocks() : b.frames; }
+  TRAJOPT_HD long count() const {
+    if (Body::kOver == Over::frames) return b.frames;
+    return Body::kOver == Over::nodes ? b.nodes : 2 * b.blocks();
+  }
   TRAJOPT_HD long chunks() const { return (count() + kMaxRanks - 1) / kMaxRanks; }
   TRAJOPT_HD long jobs() const { return b.places * chunks(); }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
@@ -86,9 +94,9 @@ struct NodesWork {
 
 struct GatherGradient {
   static constexpr const char* kName = "gather gradient";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::frames;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    gather_gradient(s.gradient, s.frames(), s.primal(), false, i, s.node_gradient + i * s.primal());
+    gather_gradient(s.gradient, s.frames(), s.dofs(), false, i, s.frame_gradient + i * s.dofs());
   }
 };
 
@@ -96,10 +104,10 @@ struct GatherGradient {
 // node that pads an odd count has zeros.
 struct WriteStepsRhs {
   static constexpr const char* kName = "right-hand sides";
-  static constexpr bool kPadded = true;
+  static constexpr Over kOver = Over::padded_nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int width = s.size();  // of a node, two columns
-    if (i < s.frames()) {
+    if (i < s.nodes()) {
       write_steps_rhs(s.step_rows(), i);
     } else {
       for (int k = 0; k < width; ++k) s.steps[i * width + k] = 0.0;
@@ -110,21 +118,25 @@ struct WriteStepsRhs {
 
 struct MeasureSteps {
   static constexpr const char* kName = "measure steps";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    measure_steps(s.step_rows(), i, s.items, s.frames());
+    measure_steps(s.step_rows(), i, s.items, s.nodes());
   }
 };
 
-// The configuration of node i at a point, from its step there.
+// Node i at a point, from its step there.
 TRAJOPT_HD inline void retract_node(const FramesSystem& s, const FramesPoint& to, long i) {
+  if (s.splined()) {
+    retract_control_point(s.in.model, s.spline, s.current.knots, to.step, i, to.knots);
+    return;
+  }
   const long q = (i + 2) * s.in.model.nq;
   integrate_body(s.in.model, s.current.frames + q, to.step + i * s.primal(), to.frames + q);
 }
 
 struct ComposeStep {
   static constexpr const char* kName = "compose step";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const FramesPoint& to = s.point(true);
     compose_step(s.step_rows(), i, s.controls->tangential, s.controls->normal, to.step);
@@ -134,9 +146,9 @@ struct ComposeStep {
 
 struct WriteCorrectionRhs {
   static constexpr const char* kName = "correction's right-hand side";
-  static constexpr bool kPadded = true;
+  static constexpr Over kOver = Over::padded_nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    if (i < s.frames()) {
+    if (i < s.nodes()) {
       const double* constraint = s.trial[s.controls->from].constraint;
       write_correction_rhs(s.step_rows(), i, s.controls->zeta, constraint, s.correction);
     } else {
@@ -147,7 +159,7 @@ struct WriteCorrectionRhs {
 
 struct ApplyCorrection {
   static constexpr const char* kName = "apply correction";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const FramesPoint& to = s.point(true);
     add_correction(s.step_rows(), i, s.correction, s.trial[s.controls->from].step, to.step);
@@ -158,16 +170,21 @@ struct ApplyCorrection {
 // The trial becomes the current point; its values there are found anew by the linearization.
 struct AcceptTrial {
   static constexpr const char* kName = "accept trial";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int nq = s.in.model.nq;
-    const double* from = s.point(true).frames;
-    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from[k];
+    const FramesPoint& from = s.point(true);
+    if (s.splined()) {
+      accept_control_point(s.in.model, s.spline, from.knots, i, s.current.knots);
+      return;
+    }
+    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from.frames[k];
   }
 };
 
-// The KKT matrix at the damping in `controls`, a block row per group: for D = 18 this reads 3 D^2
-// and writes 1.5 to 2.5 D^2 + 3 m D doubles a node. The diagonal of the multipliers is -epsilon.
+// The KKT matrix of frames at the damping in `controls`, a block row per group: for D = 18 this
+// reads 3 D^2 and writes 1.5 to 2.5 D^2 + 3 m D doubles a node. The diagonal of the multipliers is
+// -epsilon.
 struct AssembleWork {
   static constexpr const char* kName = "assemble";
   static constexpr int kMaxRanks = 128;
@@ -183,7 +200,7 @@ struct AssembleWork {
     if (system == nullptr) return;
     const FramesSystem& s = *system;
     const long g = job % b.blocks();
-    const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.frames()), size = s.size();
+    const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.nodes()), size = s.size();
     const KktRows rows{n,         d,          m,          s.smoothing, s.controls->damping,
                        s.hessian, s.jacobian, s.diagonal, s.lower};
     write_block_row(group, rows, g);
@@ -200,7 +217,7 @@ struct AssembleWork {
 // Takes epsilon out again, for the refinement.
 struct RemoveEpsilon {
   static constexpr const char* kName = "remove epsilon";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const long size = s.size(), first = i % 2 * (size / 2);
     double* block = s.diagonal + i / 2 * size * size;

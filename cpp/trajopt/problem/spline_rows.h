@@ -71,4 +71,11 @@ TRAJOPT_HD inline void retract_control_point(const ModelView& model, const Splin
   for (long k = 0; k < d; ++k) to[velocity + k] = from[velocity + k] + step[node * 2 * d + d + k];
 }
 
+TRAJOPT_HD inline void accept_control_point(const ModelView& model, const SplineView& s,
+                                            const double* from, long node, double* to) {
+  const long nq = model.nq, d = model.ndof, velocity = s.segments * nq + node * d;
+  for (long k = node * nq; k < (node + 1) * nq; ++k) to[k] = from[k];
+  for (long k = velocity; k < velocity + d; ++k) to[k] = from[k];
+}
+
 }  // namespace trajopt::inline TRAJOPT_ISA

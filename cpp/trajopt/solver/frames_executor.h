@@ -1,4 +1,4 @@
-// The executor of the frames formulation on a device: memory of its own, work in launches, many
+// The executor of both formulations on a device: memory of its own, work in launches, many
 // problems of one shape at once. A single problem is a batch of one.
 //
 // `Device` says what memory is and how a launch is made:
@@ -66,14 +66,15 @@ class FramesExecutor final : public BatchExecutor {
     std::copy(problems.begin(), problems.end(), memory_.active + 1);
     for (int p : problems) control(p, kind, requests[p]);
     launches_.play(kind, problems.size());
-    const int values = kind == Request::Kind::steps ? kStepItems : memory_.terms() + 1;
+    const bool steps = kind == Request::Kind::steps;
+    const int values = (steps ? memory_.step_folds() : memory_.point_folds()).folds;
     for (std::size_t place = 0; place < problems.size(); ++place)
       read(problems[place], kind, memory_.results + place * values, answers[problems[place]]);
     // What was computed together is shared out evenly.
     const double each = watch_.lap() / static_cast<double>(problems.size());
     for (int p : problems) {
       PhaseSeconds& seconds = points_[p].seconds;
-      (kind == Request::Kind::steps ? seconds.factorization : seconds.dynamics) += each;
+      (steps ? seconds.factorization : seconds.dynamics) += each;
     }
   }
 
@@ -147,13 +148,16 @@ class FramesExecutor final : public BatchExecutor {
     a = {};
     if (kind == Request::Kind::steps) {
       std::copy_n(values, kStepItems, a.steps.item);
+      // The spline's C is not what the augmentation adds the squares of.
+      if (memory_.splined()) a.steps.item[kConstraint2] = 0;
       a.factored = memory_.failed[p] == linalg::GroupSystem::kNever;
       if (!a.factored) point.text = solver_.failure(p);
       return;
     }
     const int terms = memory_.terms();
     for (int k = 0; k < terms; ++k) a.point.objective += values[k];
-    a.point.constraint_norm = a.point.frame_violation = values[terms];
+    a.point.frame_violation = values[terms];
+    a.point.constraint_norm = values[memory_.splined() ? terms + 1 : terms];
     if (kind == Request::Kind::linearize || kind == Request::Kind::move)
       point.values.assign(values, values + terms);
   }

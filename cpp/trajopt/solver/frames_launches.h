@@ -49,13 +49,19 @@ class FramesLaunches {
         device_(NodesWork<AcceptTrial>{b});
         [[fallthrough]];
       case Request::Kind::linearize:
+        if (m.splined()) device_(NodesWork<SplineFrames<false>>{b});
         device_(FramesWork<true>{b, false});
-        fold<PointItems>(b, false, m.terms() + 1);
+        if (m.splined()) device_(NodesWork<ReduceConstraint<false>>{b});
+        fold<PointItems>(b, false, m.point_folds());
         device_(NodesWork<GatherGradient>{b});
+        if (m.splined()) {
+          device_(NodesWork<SplineRotations>{b});
+          device_(NodesWork<ReduceGradient>{b});
+        }
         break;
       // One sequence of launches up to the steps' numbers: nothing of it is worth an answer before.
       case Request::Kind::steps:
-        device_(AssembleWork{b});
+        m.splined() ? device_(AssembleSplineWork{b}) : device_(AssembleWork{b});
         solver_.factor();
         device_.copy_out(m.failed, solver_.failed(), m.count() * sizeof(int));
         device_(NodesWork<RemoveEpsilon>{b});
@@ -63,7 +69,7 @@ class FramesLaunches {
         solver_.solve(m.steps, 2);
         solver_.refine(m.rhs, m.steps, 2, KktSystem::kRefinements, KktSystem::kRefineTolerance);
         device_(NodesWork<MeasureSteps>{b});
-        fold<StepItems>(b, false, kStepItems);
+        fold<StepItems>(b, false, m.step_folds());
         break;
       case Request::Kind::trial:
         device_(NodesWork<ComposeStep>{b});
@@ -81,16 +87,18 @@ class FramesLaunches {
   }
 
   void evaluate_trial(const FramesBatch& b) {
+    if (memory_.splined()) device_(NodesWork<SplineFrames<true>>{b});
     device_(FramesWork<false>{b, true});
-    fold<PointItems>(b, true, memory_.terms() + 1);
+    if (memory_.splined()) device_(NodesWork<ReduceConstraint<true>>{b});
+    fold<PointItems>(b, true, memory_.point_folds());
   }
 
   template <class Items>
-  void fold(const FramesBatch& b, bool tried, int folds) {
+  void fold(const FramesBatch& b, bool tried, const Folds& f) {
     FramesMemory<Device>& m = memory_;
-    device_(FoldChunksWork<Items>{b, tried, folds, m.partial});
-    device_(FoldRestWork{b, folds, m.partial, m.device_results});
-    device_.copy_out(m.results, m.device_results, b.places * folds * sizeof(double));
+    device_(FoldChunksWork<Items>{b, tried, f, m.partial});
+    device_(FoldRestWork{b, f, m.partial, m.device_results});
+    device_.copy_out(m.results, m.device_results, b.places * f.folds * sizeof(double));
   }
 
   struct Recordings {

@@ -19,9 +19,9 @@ class FramesMemory {
       : device_(device), count_(static_cast<int>(members.size())) {
     std::vector<FramesSystem> systems = pack(members, options);
     const TrajectoryProblem& one = *members[0].problem;
-    first_state_ = 2L * one.model().nq;
+    splined_ = systems[0].splined();
     frames_each_ = (one.frame_count() + 2L) * one.model().nq;
-    place_frames(members, systems);
+    place_points(members, systems);
     place_vectors(one, systems);
     place_matrices(one, systems, diagonal, lower);
     place_controls(systems);
@@ -30,12 +30,14 @@ class FramesMemory {
 
   int count() const { return count_; }
   int terms() const { return terms_; }
-  // Values of a problem at a time on the way to the host, at most.
-  int most_results() const { return std::max<int>(terms_ + 1, kStepItems); }
+  bool splined() const { return splined_; }
+  // What is folded of a point and of the steps.
+  Folds point_folds() const { return {batch_.frames, terms_ + (splined_ ? 2 : 1), terms_}; }
+  Folds step_folds() const { return {batch_.nodes, kStepItems, kMultiplier}; }
   const FramesBatch& batch() const { return batch_; }
 
   // Where the current point of a problem has its state.
-  const double* state(int problem) const { return frames_ + problem * frames_each_ + first_state_; }
+  const double* state(int problem) const { return states_ + problem * state_stride_; }
 
   // On the device, of all problems.
   double *rhs = nullptr, *steps = nullptr, *correction = nullptr;
@@ -86,40 +88,54 @@ class FramesMemory {
     return systems;
   }
 
-  // Frames -1 and 0 of every problem, and its start: of the current point and both trials.
-  void place_frames(const std::vector<BatchMember>& members, std::vector<FramesSystem>& systems) {
-    std::vector<double> values(frames_each_ * count_);
+  // Frames -1 and 0 of every problem, and its start: of the current point and both trials. The
+  // other frames of a spline are computed.
+  void place_points(const std::vector<BatchMember>& members, std::vector<FramesSystem>& systems) {
+    const std::size_t given = 2L * members[0].problem->model().nq;
+    const std::size_t knots_each = splined_ ? members[0].state->size() : 0;
+    std::vector<double> frames(frames_each_ * count_), knots(knots_each * count_);
     for (int p = 0; p < count_; ++p) {
-      double* at = values.data() + p * frames_each_;
-      std::copy_n(members[p].problem->initial().data(), first_state_, at);
-      std::copy(members[p].state->begin(), members[p].state->end(), at + first_state_);
+      double* at = frames.data() + p * frames_each_;
+      std::copy_n(members[p].problem->initial().data(), given, at);
+      const State& state = *members[p].state;
+      std::copy(state.begin(), state.end(), splined_ ? knots.data() + p * knots_each : at + given);
     }
     for (int k = 0; k < 3; ++k) {
-      const Rows frames(*this, frames_each_);
-      device_.upload(frames.of(0), values.data(), values.size() * sizeof(double));
-      if (k == 0) frames_ = frames.of(0);
-      for (int p = 0; p < count_; ++p)
-        (k == 0 ? systems[p].current : systems[p].trial[k - 1]).frames = frames.of(p);
+      const Rows frame_rows(*this, frames_each_), knot_rows(*this, knots_each);
+      device_.upload(frame_rows.of(0), frames.data(), frames.size() * sizeof(double));
+      device_.upload(knot_rows.of(0), knots.data(), knots.size() * sizeof(double));
+      for (int p = 0; p < count_; ++p) {
+        FramesPoint& point = k == 0 ? systems[p].current : systems[p].trial[k - 1];
+        point.frames = frame_rows.of(p);
+        point.knots = knot_rows.of(p);
+      }
     }
     for (FramesSystem& s : systems) s.in.frames = s.current.frames;
+    states_ = splined_ ? systems[0].current.knots : systems[0].current.frames + given;
+    state_stride_ = splined_ ? knots_each : frames_each_;
   }
 
   // What belongs to a point, to the steps and to the sums.
   void place_vectors(const TrajectoryProblem& one, std::vector<FramesSystem>& systems) {
-    const std::size_t n = one.frame_count(), d = one.primal(), m = one.dual();
-    const std::size_t rows = systems[0].rows();
+    const std::size_t nodes = one.nodes(), rows = systems[0].rows();
     const Rows rhs_rows(*this, 2 * rows), steps_rows(*this, 2 * rows), corrections(*this, rows);
-    const Rows items(*this, kStepItems * n);
-    const Rows step0(*this, n * d), step1(*this, n * d);
-    const Rows at0(*this, n * m), at1(*this, n * m), at2(*this, n * m);
+    const Rows items(*this, kStepItems * nodes);
+    const Rows step0(*this, nodes * one.primal()), step1(*this, nodes * one.primal());
+    const std::size_t constraints = one.frame_count() * one.model().unactuated.size();
+    for (int k = 0; k < 3; ++k) {
+      const Rows by_frame(*this, constraints);
+      const Rows by_node(*this, splined_ ? nodes * one.dual() : 0);
+      for (std::size_t p = 0; p < systems.size(); ++p) {
+        FramesPoint& point = k == 0 ? systems[p].current : systems[p].trial[k - 1];
+        point.frame_constraint = by_frame.of(p);
+        point.constraint = splined_ ? by_node.of(p) : by_frame.of(p);
+      }
+    }
     for (std::size_t p = 0; p < systems.size(); ++p) {
       FramesSystem& s = systems[p];
       s.current.step = nullptr;  // nothing led there
       s.trial[0].step = step0.of(p);
       s.trial[1].step = step1.of(p);
-      s.current.constraint = at0.of(p);
-      s.trial[0].constraint = at1.of(p);
-      s.trial[1].constraint = at2.of(p);
       s.rhs = rhs_rows.of(p);
       s.steps = steps_rows.of(p);
       s.correction = corrections.of(p);
@@ -133,11 +149,14 @@ class FramesMemory {
   // The linearization and the KKT matrix.
   void place_matrices(const TrajectoryProblem& one, std::vector<FramesSystem>& systems,
                       double* diagonal, double* lower) {
-    const std::size_t n = one.frame_count(), d = one.primal(), m = one.dual();
+    const std::size_t n = one.frame_count(), d = one.model().ndof;
+    const std::size_t m = one.model().unactuated.size();
     const std::size_t blocks = systems[0].blocks(), size = systems[0].size();
     const std::size_t square = size * size;
     const Rows hessian(*this, n * 6 * d * d), gradient(*this, n * 3 * d);
-    const Rows jacobian(*this, n * 3 * m * d), node_gradient(*this, n * d);
+    const Rows jacobian(*this, n * 3 * m * d), frame_gradient(*this, n * d);
+    const Rows node_gradient(*this, splined_ ? one.nodes() * one.primal() : 0);
+    const Rows rotations(*this, n * 36 * systems[0].spline.balls);
     const Rows cost(*this, n * systems[0].in.nterm), local_cost(*this, n * systems[0].nlocal);
     const Rows torque(*this, n * one.model().actuated.size());
     for (std::size_t p = 0; p < systems.size(); ++p) {
@@ -148,7 +167,10 @@ class FramesMemory {
       s.torque = torque.of(p);
       s.cost = cost.of(p);
       s.local_cost = local_cost.of(p);
-      s.node_gradient = node_gradient.of(p);
+      s.frame_gradient = frame_gradient.of(p);
+      s.node_gradient = splined_ ? node_gradient.of(p) : frame_gradient.of(p);
+      s.rotations = rotations.of(p);
+      s.spline.rotations = s.rotations;
       s.diagonal = diagonal + p * blocks * square;
       s.lower = lower + p * (blocks - 1) * square;
     }
@@ -170,10 +192,13 @@ class FramesMemory {
     batch_.systems = device_systems;
     batch_.active = device_active = allocate<int>(count_ + 1);
     batch_.frames = systems[0].frames();
+    batch_.nodes = systems[0].nodes();
     batch_.lanes = std::min<long>(most_lanes, batch_.frames * count_);
     batch_.scratch_bytes = scratch_bytes;
     batch_.scratch = allocate<unsigned char>(batch_.lanes * batch_.scratch_bytes);
-    const std::size_t each = most_results();
+    const std::size_t row_scratch = splined_ ? spline_row_scratch(systems[0].dofs()) : 0;
+    batch_.row_scratch = allocate<double>(count_ * batch_.blocks() * row_scratch);
+    const std::size_t each = std::max(point_folds().folds, step_folds().folds);
     partial = allocate<double>(count_ * each * tree_chunks(batch_.frames));
     device_results = allocate<double>(count_ * each);
     results = device_.template pinned<double>(count_ * each);
@@ -184,8 +209,9 @@ class FramesMemory {
   std::vector<Bytes> buffers_;
   FramesBatch batch_{};
   int terms_ = 0;
-  std::size_t first_state_ = 0, frames_each_ = 0;
-  double* frames_ = nullptr;  // of the current points
+  bool splined_ = false;
+  std::size_t frames_each_ = 0, state_stride_ = 0;
+  const double* states_ = nullptr;  // of the current points
 };
 
 }  // namespace trajopt

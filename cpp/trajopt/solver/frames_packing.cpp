@@ -52,6 +52,15 @@ const LocalTerm* pack_local(Parcel& parcel, const TrajectoryProblem& p) {
   return parcel.add(terms.data(), terms.size());
 }
 
+// Its rotations lie elsewhere: they are computed.
+SplineView pack_spline(Parcel& parcel, const HermiteSpline& spline) {
+  SplineView v = spline.view();
+  v.runs = parcel.add(v.runs, v.nruns);
+  v.weights = parcel.add(v.weights, 4UL * v.per_segment);
+  v.rotations = nullptr;
+  return v;
+}
+
 }  // namespace
 
 void pack_problem(Parcel& parcel, const TrajectoryProblem& problem, const ExecutorOptions& options,
@@ -60,7 +69,11 @@ void pack_problem(Parcel& parcel, const TrajectoryProblem& problem, const Execut
   system.in = pack_input(parcel, problem, options.augmentation);
   system.local = pack_local(parcel, problem);
   system.nlocal = static_cast<int>(problem.local_terms().size());
-  system.smoothing = options.smoothing;
+  const bool splined = problem.options().formulation == Formulation::spline;
+  system.spline = splined ? pack_spline(parcel, problem.spline()) : SplineView{};
+  system.velocity =
+      splined ? parcel.add(problem.velocity().data(), problem.velocity().size()) : nullptr;
+  system.smoothing = splined ? 0.0 : options.smoothing;  // as KktSystem
   system.epsilon = options.epsilon;
 }
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "trajopt/problem/frames_work.h"
+#include "trajopt/problem/spline_work.h"
 #include "trajopt/solver/executor.h"
 #include "trajopt/solver/parcel.h"
 
