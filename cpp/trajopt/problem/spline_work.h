@@ -49,7 +49,7 @@ struct ReduceGradient {
 };
 
 // The KKT matrix at the damping in `controls`, a block row per group: for D = 18 and ten frames a
-// segment some 40 D^2 fused multiply-adds a frame, on windows read one and a half times. The
+// segment some 30 D^2 fused multiply-adds a frame, on windows read one and a half times. The
 // diagonal of the multipliers is -epsilon.
 struct AssembleSplineWork {
   static constexpr const char* kName = "assemble spline";
