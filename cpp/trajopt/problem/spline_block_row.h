@@ -143,31 +143,35 @@ TRAJOPT_HD inline void sum_hessian(const Group& group, const SplineRows& k,
 template <bool Transposed, class Group>
 TRAJOPT_HD inline void add_product(const Group& group, const SplineRows& k, int rows,
                                    const double* in, long i, int half, double* to) {
-  const long d = k.dofs, ld = k.size();
+  const int d = k.dofs;
+  const long ld = k.size();
+  // Columns [first, first + count) of the product; body(value, row, column).
+  const auto update = [&](int first, int count, const auto& body) {
+    const double* from = in + first;
+    if constexpr (Transposed) {
+      double* target = to + first * ld;
+      for_entries(group, count, rows,
+                  [&](int c, int r) { body(target[c * ld + r], from + r * d, c); });
+    } else {
+      double* target = to + first;
+      for_entries(group, rows, count,
+                  [&](int r, int c) { body(target[r * ld + c], from + r * d, c); });
+    }
+  };
+  // A ball's columns by nothing first, so that all of a row is one loop.
+  const double* plain = k.spline.plain_weights(i, half, d);
+  update(0, d,
+         [&](double& value, const double* row, int c) { value = fma(plain[c], row[c], value); });
   for (int run = 0; run < k.spline.nruns; ++run) {
     const DofRun& dofs = k.spline.runs[run];
-    const double* from = in + dofs.first;
-    double* target = to + (Transposed ? dofs.first * ld : dofs.first);
-    // body(value, row, column of the run)
-    const auto update = [&](const auto& body) {
-      if constexpr (Transposed) {
-        for_entries(group, dofs.count, rows, [&](int c, int r) { body(target[c * ld + r], r, c); });
-      } else {
-        for_entries(group, rows, dofs.count, [&](int r, int c) { body(target[r * ld + c], r, c); });
-      }
-    };
-    if (dofs.ball < 0) {
-      const double w = k.spline.weight(i, half);
-      update([&](double& value, int r, int c) { value = fma(w, from[r * d + c], value); });
-    } else {
-      const double* w = k.spline.rotation(i, half, dofs.ball);
-      update([&](double& value, int r, int c) {
-        double sum = value;
-        TRAJOPT_UNROLL
-        for (int b = 0; b < 3; ++b) sum = fma(from[r * d + b], w[3 * b + c], sum);
-        value = sum;
-      });
-    }
+    if (dofs.ball < 0) continue;
+    const double* w = k.spline.rotation(i, half, dofs.ball);
+    update(dofs.first, 3, [&](double& value, const double* row, int c) {
+      double sum = value;
+      TRAJOPT_UNROLL
+      for (int b = 0; b < 3; ++b) sum = fma(row[b], w[3 * b + c], sum);
+      value = sum;
+    });
   }
 }
 
@@ -240,6 +244,8 @@ TRAJOPT_HD inline void add_frame_constraints(const Group& group, const SplineRow
   const int d = k.dofs, m = k.constraints;
   const long s = k.segment(i);
   for (long n = s > 0 ? s - 1 : 0; n <= s + 1 && n < k.spline.segments; ++n) {
+    // Rows y_n with n > c, or x_c with n <= c: are any of them here?
+    if ((n > s ? n : s) / 2 != g && (n > s - 1 ? n : s - 1) / 2 != g) continue;
     for (int half = 0; half < 2; ++half) {
       SplineTerms terms;
       for (int ahead = 0; ahead <= 2 && i + ahead < k.frames(); ++ahead)

@@ -53,10 +53,11 @@ const LocalTerm* pack_local(Parcel& parcel, const TrajectoryProblem& p) {
 }
 
 // Its rotations lie elsewhere: they are computed.
-SplineView pack_spline(Parcel& parcel, const HermiteSpline& spline) {
+SplineView pack_spline(Parcel& parcel, const HermiteSpline& spline, int dofs) {
   SplineView v = spline.view();
   v.runs = parcel.add(v.runs, v.nruns);
   v.weights = parcel.add(v.weights, 4UL * v.per_segment);
+  v.plain = parcel.add(v.plain, 4UL * v.per_segment * dofs);
   v.rotations = nullptr;
   return v;
 }
@@ -70,7 +71,8 @@ void pack_problem(Parcel& parcel, const TrajectoryProblem& problem, const Execut
   system.local = pack_local(parcel, problem);
   system.nlocal = static_cast<int>(problem.local_terms().size());
   const bool splined = problem.options().formulation == Formulation::spline;
-  system.spline = splined ? pack_spline(parcel, problem.spline()) : SplineView{};
+  system.spline =
+      splined ? pack_spline(parcel, problem.spline(), problem.model().ndof) : SplineView{};
   system.velocity =
       splined ? parcel.add(problem.velocity().data(), problem.velocity().size()) : nullptr;
   system.smoothing = splined ? 0.0 : options.smoothing;  // as KktSystem

@@ -24,12 +24,17 @@ HermiteSpline::HermiteSpline(const Model& model, int segments, int frames_per_se
   }
   for (int i = 1; i <= per_segment_; ++i)
     hermite_weights(i / static_cast<double>(per_segment_), weights_.data() + 4L * (i - 1));
+  for (double weight : weights_) {
+    plain_.resize(plain_.size() + model.ndof, weight);
+    for (const DofRun& run : runs_)
+      if (run.ball >= 0) std::fill_n(plain_.end() - model.ndof + run.first, 3, 0.0);
+  }
   rotations_.resize(static_cast<std::size_t>(frames()) * 4 * balls_ * 9);
 }
 
 SplineView HermiteSpline::view() const {
-  return {segments_,    per_segment_,    balls_,           static_cast<int>(runs_.size()),
-          runs_.data(), weights_.data(), rotations_.data()};
+  return {segments_,    per_segment_,    balls_,        static_cast<int>(runs_.size()),
+          runs_.data(), weights_.data(), plain_.data(), rotations_.data()};
 }
 
 void HermiteSpline::frames(const ControlPoints& points, double* out, int threads) const {

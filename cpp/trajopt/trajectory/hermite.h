@@ -36,6 +36,7 @@ class HermiteSpline {
   int segments_, per_segment_, balls_;
   std::vector<DofRun> runs_;
   std::vector<double> weights_;    // L x 4
+  std::vector<double> plain_;      // L x 4 x D, see SplineView
   std::vector<double> rotations_;  // N x 4 x balls x 9
 };
 

@@ -33,9 +33,13 @@ struct SplineView {
   int balls, nruns;
   const DofRun* runs;
   const double* weights;    // L x 4: of a segment's frames by each half
+  const double* plain;      // L x 4 x D: the same for every dof, zero for those of balls
   const double* rotations;  // Z L x 4 x balls x 9, row-major: d(tangent of the frame)/d(half)
 
   TRAJOPT_HD double weight(long f, int half) const { return weights[f % per_segment * 4 + half]; }
+  TRAJOPT_HD const double* plain_weights(long f, int half, int dofs) const {
+    return plain + (f % per_segment * 4 + half) * dofs;
+  }
   TRAJOPT_HD const double* rotation(long f, int half, int ball) const {
     return rotations + ((f * 4 + half) * balls + ball) * 9;
   }
