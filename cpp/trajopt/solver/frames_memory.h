@@ -31,7 +31,8 @@ class FramesMemory {
   int count() const { return count_; }
   int terms() const { return terms_; }
   bool splined() const { return splined_; }
-  // What is folded of a point and of the steps.
+  // What is folded of a point and of the steps: sums of the terms, and of all items before the
+  // multipliers.
   Folds point_folds() const { return {batch_.frames, terms_ + (splined_ ? 2 : 1), terms_}; }
   Folds step_folds() const { return {batch_.nodes, kStepItems, kMultiplier}; }
   const FramesBatch& batch() const { return batch_; }
