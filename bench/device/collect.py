@@ -97,12 +97,12 @@ def print_solve(rows: list[dict[str, Any]]) -> None:
         return
     print("\none motion: best milliseconds of an iteration, and of the questions it is made of")
     titles = " ".join(f"{phase:>10}" for phase in PHASES)
-    print(f"{'frames':>7} {'device':>6} {'iteration':>9} {titles} {'bits':>5}")
+    print(f"{'frames':>7} {'of a':>7} {'device':>6} {'iteration':>9} {titles} {'bits':>5}")
     for row in ours:
         for name in ("cpu", "gpu"):
             phases = row.get(f"{name}_phases", {})
             print(
-                f"{row['frames']:7} {name:>6}",
+                f"{row['frames']:7} {row['formulation']:>7} {name:>6}",
                 cell(row.get(f"{name}_iteration_ms")),
                 *(f" {cell(phases.get(phase))}" for phase in PHASES),
                 f"{bits_of(row):>5}",

@@ -2,10 +2,11 @@
 
 solve_device.py [SECONDS] [--small]     rows of JSON; the first iterations must have equal bits
 
-The problem is the scenario mammal-walk with another duration, solved from its own start with cyclic
-reduction on both sides. Milliseconds are of an iteration, by the wall clock; `phases` are those of
-one question to the executor: linearize, steps (assembly, factorization, solution), trial,
-correction. --small is for a run without a GPU, on the emulated runtime.
+The problem is the scenario mammal-walk with another duration, as frames and as a spline with ten
+frames a segment, solved from its own start with cyclic reduction on both sides. Milliseconds are of
+an iteration, by the wall clock; `phases` are those of one question to the executor: linearize,
+steps (assembly, factorization, solution), trial, correction. --small is for a run without a GPU, on
+the emulated runtime.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ import trajopt
 from trajopt import _core
 
 FRAMES = (400, 1000, 4000, 10000, 40000, 100000)
-SMALL = (20, 41)
+SPLINE = (400, 4000, 40000)
+SMALL, SMALL_SPLINE = (20, 41), (40,)
 WARM_UP = 1  # iterations that are not counted
 
 
@@ -54,11 +56,16 @@ def solve(
     return times[WARM_UP:], state, records
 
 
-def measure(frames: int, seconds: float, small: bool) -> dict[str, Any]:
+def measure(frames: int, formulation: str, seconds: float, small: bool) -> dict[str, Any]:
     threads = _core.hardware_threads()
-    row: dict[str, Any] = {"program": "solve", "frames": frames, "cpu_threads": threads}
+    row: dict[str, Any] = {
+        "program": "solve",
+        "formulation": formulation,
+        "frames": frames,
+        "cpu_threads": threads,
+    }
     try:
-        motion = Motion(frames, threads)
+        motion = Motion(frames, threads, formulation=formulation)
         # At most a few seconds, and the same number of iterations on both.
         count = 3 if frames > 4000 or small else 20
         few = {device: solve(motion, device, 1e9, count) for device in ("cpu", "cuda")}
@@ -84,8 +91,14 @@ def main() -> None:
     chosen = parser.parse_args()
     if reason := _core.cuda_unavailable():
         parser.exit(1, f"solve_device.py needs a GPU: {reason}\n")
-    for frames in SMALL if chosen.small else FRAMES:
-        print(json.dumps(measure(frames, max(chosen.seconds, 2.0), chosen.small)), flush=True)
+    lengths = {
+        "frames": SMALL if chosen.small else FRAMES,
+        "spline": SMALL_SPLINE if chosen.small else SPLINE,
+    }
+    for formulation, all_frames in lengths.items():
+        for frames in all_frames:
+            row = measure(frames, formulation, max(chosen.seconds, 2.0), chosen.small)
+            print(json.dumps(row), flush=True)
 
 
 if __name__ == "__main__":

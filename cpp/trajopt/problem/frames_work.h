@@ -1,90 +1,16 @@
-// The launches of one iteration of the frames formulation, one type each (linalg/group_work.h says
-// what a launch is), for many problems at once. They run the bodies that the processor's executor
-// runs; here stands only who does which frame, node or block row, and where its numbers lie.
+// The launches of one iteration, one type each (linalg/group_work.h says what a launch is), for
+// many problems at once; what a spline needs beside them is in spline_work.h. They run the bodies
+// that the processor's executor runs; here stands only who does which frame, node or block row, and
+// where its numbers lie.
 #pragma once
 
+#include "trajopt/problem/fold_work.h"
 #include "trajopt/problem/frame_body.h"
+#include "trajopt/problem/frames_system.h"
 #include "trajopt/problem/kkt_rows.h"
-#include "trajopt/problem/local_terms.h"
-#include "trajopt/problem/step_rows.h"
+#include "trajopt/problem/spline_rows.h"
 
-namespace trajopt {
-
-// Numbers that the host decides on, read by the launches when they run.
-struct Controls {
-  double damping;
-  double tangential, normal;  // the step d = tangential t + normal n
-  double zeta;                // A d = -zeta C
-  int from, to;               // trials: one that is corrected, and the one at hand
-};
-
-// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all.
-struct FramesPoint {
-  double* frames;      // (N + 2) x nq
-  double* step;        // N x D: what led here from the current point
-  double* constraint;  // N x m
-};
-
-// What the launches work on of one problem: plain pointers into the executor's memory.
-struct FramesSystem {
-  long frame_count;
-  FrameInput in;  // its frames are those of the current point
-  const LocalTerm* local;
-  int nlocal;
-  double smoothing, epsilon;
-  const Controls* controls;
-  FramesPoint current, trial[2];
-  double *hessian, *gradient, *jacobian;  // as FrameOutput
-  double *torque, *cost;                  // N x nu, N x nterm
-  double* local_cost;                     // nlocal x N
-  double* node_gradient;                  // N x D
-  double *diagonal, *lower;               // of the KKT matrix
-  double *rhs, *steps;                    // rows x 2
-  double* correction;                     // rows
-  double* items;                          // kStepItems x N
-
-  TRAJOPT_HD long frames() const { return frame_count; }
-  TRAJOPT_HD int primal() const { return in.model.ndof; }
-  TRAJOPT_HD int dual() const { return in.model.nunactuated; }
-  TRAJOPT_HD int size() const { return 2 * (primal() + dual()); }
-  TRAJOPT_HD long blocks() const { return (frame_count + 1) / 2; }
-  TRAJOPT_HD long rows() const { return blocks() * size(); }
-  TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
-  // The trial at hand, or the current point.
-  TRAJOPT_HD const FramesPoint& point(bool tried) const {
-    return tried ? trial[controls->to] : current;
-  }
-  TRAJOPT_HD StepRows step_rows() const {
-    return {static_cast<int>(frame_count),
-            primal(),
-            dual(),
-            false,
-            smoothing,
-            node_gradient,
-            current.constraint,
-            steps};
-  }
-};
-
-// The problems of a launch. All have the same numbers of frames, coordinates, constraints and
-// terms.
-struct FramesBatch {
-  const FramesSystem* systems;  // by problem
-  const int* active;            // how many problems this launch is for, and which
-  long places;                  // as many find room in it
-  long frames;
-  std::size_t scratch_bytes;  // of one frame
-  long lanes;                 // frames in work at once
-  unsigned char* scratch;     // lanes x scratch_bytes
-
-  TRAJOPT_HD long blocks() const { return (frames + 1) / 2; }
-  // nullptr: this place is empty.
-  TRAJOPT_HD const FramesSystem* system(long place) const {
-    return place < active[0] ? systems + active[1 + place] : nullptr;
-  }
-};
-
-inline namespace TRAJOPT_ISA {
+namespace trajopt::inline TRAJOPT_ISA {
 
 // Dynamics, objective rows and local terms, a frame per rank. Floor for D = 18: 45 kflop for a
 // linearization without its Gram matrix, 10 kflop for an evaluation (bench/_cost.py counts them);
@@ -121,11 +47,12 @@ struct FramesWork {
 
   TRAJOPT_HD void frame(const FramesSystem& s, long f, void* memory) const {
     const FramesPoint& at = s.point(tried);
-    const long d = s.primal();
+    const long d = s.dofs();
     FrameInput in = s.in;
     in.frames = at.frames;
     run_frames<double, Derivatives>(
-        in, f, 1, memory, {at.constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian});
+        in, f, 1, memory,
+        {at.frame_constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian});
     const LocalFrame local = local_frame(in, f);
     for (int k = 0; k < s.nlocal; ++k) {
       s.local_cost[k * b.frames + f] = add_local_term<Derivatives>(
@@ -135,107 +62,20 @@ struct FramesWork {
   }
 };
 
-// What a point is judged by: the sum of each term, and the largest constraint.
-struct PointItems {
-  const double *cost, *local_cost, *constraint;
-  int nterm, nlocal, m;
-  long frames;
+// What a launch goes over; padded: with the node that fills the last block of an odd count.
+enum class Over { frames, nodes, padded_nodes };
 
-  TRAJOPT_HD PointItems(const FramesSystem& s, bool tried)
-      : cost(s.cost),
-        local_cost(s.local_cost),
-        constraint(s.point(tried).constraint),
-        nterm(s.in.nterm),
-        nlocal(s.nlocal),
-        m(s.dual()),
-        frames(s.frames()) {}
-  TRAJOPT_HD double operator()(int fold, long f) const {
-    if (fold < nterm) return cost[f * nterm + fold];
-    if (fold < nterm + nlocal) return local_cost[(fold - nterm) * frames + f];
-    double most = 0.0;
-    for (int r = 0; r < m; ++r) most = Largest{}(most, magnitude(constraint[f * m + r]));
-    return most;
-  }
-};
-
-struct StepItems {
-  const double* items;
-  long nodes;
-  TRAJOPT_HD StepItems(const FramesSystem& s, bool) : items(s.items), nodes(s.frames()) {}
-  TRAJOPT_HD double operator()(int fold, long i) const { return items[fold * nodes + i]; }
-};
-
-// Folds of several sequences of a problem's items, as two launches: all chunks, then what is left
-// of each sequence. Of the last sequence the largest value is wanted, of the others the sum.
-template <class Items>
-struct FoldChunksWork {
-  static constexpr const char* kName = "fold chunks";
-  static constexpr int kMaxRanks = kTreeWidth;
-  FramesBatch b;
-  bool tried;
-  int folds;
-  double* partial;  // places x folds x chunks
-
-  TRAJOPT_HD long jobs() const { return b.places * folds * tree_chunks(b.frames); }
-  TRAJOPT_HD int ranks() const { return kMaxRanks; }
-  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
-
-  template <class Group>
-  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
-    double* slots = static_cast<double*>(space);
-    const long chunks = tree_chunks(b.frames), begin = job % chunks * kTreeWidth;
-    const int fold = static_cast<int>(job / chunks % folds);
-    const FramesSystem* s = b.system(job / chunks / folds);
-    if (s == nullptr) return;
-    const Items items(*s, tried);
-    const auto get = [&](long i) { return items(fold, i); };
-    if (fold + 1 < folds) {
-      fold_chunk<Sum>(group, begin, b.frames, get, slots);
-    } else {
-      fold_chunk<Largest>(group, begin, b.frames, get, slots);
-    }
-    for_each(group, 1, [&](int) { partial[job] = slots[0]; });
-  }
-};
-
-struct FoldRestWork {
-  static constexpr const char* kName = "fold rest";
-  static constexpr int kMaxRanks = kTreeWidth;
-  FramesBatch b;
-  int folds;
-  double* partial;  // places x folds x chunks; overwritten
-  double* result;   // places x folds
-
-  TRAJOPT_HD long jobs() const { return b.places * folds; }
-  TRAJOPT_HD int ranks() const { return kMaxRanks; }
-  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
-
-  template <class Group>
-  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
-    if (b.system(job / folds) == nullptr) return;
-    double* slots = static_cast<double*>(space);
-    const long chunks = tree_chunks(b.frames);
-    double* values = partial + job * chunks;
-    if (chunks > 1) {
-      if (job % folds + 1 < folds) {
-        fold_tree<Sum>(group, values, chunks, slots);
-      } else {
-        fold_tree<Largest>(group, values, chunks, slots);
-      }
-    }
-    for_each(group, 1, [&](int) { result[job] = values[0]; });
-  }
-};
-
-// A launch of body(system, i) for the nodes i of every problem, a rank each. A body that is
-// `padded` sees the node, too, that fills the last block of an odd count.
+// A launch of body(system, i) for the nodes or frames i of every problem, a rank each.
 template <class Body>
 struct NodesWork {
   static constexpr const char* kName = Body::kName;
   static constexpr int kMaxRanks = 64;
   FramesBatch b;
 
-  TRAJOPT_HD long count() const { return Body::kPadded ? 2 * b.blocks() : b.frames; }
+  TRAJOPT_HD long count() const {
+    if (Body::kOver == Over::frames) return b.frames;
+    return Body::kOver == Over::nodes ? b.nodes : 2 * b.blocks();
+  }
   TRAJOPT_HD long chunks() const { return (count() + kMaxRanks - 1) / kMaxRanks; }
   TRAJOPT_HD long jobs() const { return b.places * chunks(); }
   TRAJOPT_HD int ranks() const { return kMaxRanks; }
@@ -254,9 +94,9 @@ struct NodesWork {
 
 struct GatherGradient {
   static constexpr const char* kName = "gather gradient";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::frames;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    gather_gradient(s.gradient, s.frames(), s.primal(), false, i, s.node_gradient + i * s.primal());
+    gather_gradient(s.gradient, s.frames(), s.dofs(), false, i, s.frame_gradient + i * s.dofs());
   }
 };
 
@@ -264,10 +104,10 @@ struct GatherGradient {
 // node that pads an odd count has zeros.
 struct WriteStepsRhs {
   static constexpr const char* kName = "right-hand sides";
-  static constexpr bool kPadded = true;
+  static constexpr Over kOver = Over::padded_nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int width = s.size();  // of a node, two columns
-    if (i < s.frames()) {
+    if (i < s.nodes()) {
       write_steps_rhs(s.step_rows(), i);
     } else {
       for (int k = 0; k < width; ++k) s.steps[i * width + k] = 0.0;
@@ -278,21 +118,25 @@ struct WriteStepsRhs {
 
 struct MeasureSteps {
   static constexpr const char* kName = "measure steps";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    measure_steps(s.step_rows(), i, s.items, s.frames());
+    measure_steps(s.step_rows(), i, s.items, s.nodes());
   }
 };
 
-// The configuration of node i at a point, from its step there.
+// Node i at a point, from its step there.
 TRAJOPT_HD inline void retract_node(const FramesSystem& s, const FramesPoint& to, long i) {
+  if (s.splined()) {
+    retract_control_point(s.in.model, s.spline, s.current.knots, to.step, i, to.knots);
+    return;
+  }
   const long q = (i + 2) * s.in.model.nq;
   integrate_body(s.in.model, s.current.frames + q, to.step + i * s.primal(), to.frames + q);
 }
 
 struct ComposeStep {
   static constexpr const char* kName = "compose step";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const FramesPoint& to = s.point(true);
     compose_step(s.step_rows(), i, s.controls->tangential, s.controls->normal, to.step);
@@ -302,9 +146,9 @@ struct ComposeStep {
 
 struct WriteCorrectionRhs {
   static constexpr const char* kName = "correction's right-hand side";
-  static constexpr bool kPadded = true;
+  static constexpr Over kOver = Over::padded_nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    if (i < s.frames()) {
+    if (i < s.nodes()) {
       const double* constraint = s.trial[s.controls->from].constraint;
       write_correction_rhs(s.step_rows(), i, s.controls->zeta, constraint, s.correction);
     } else {
@@ -315,7 +159,7 @@ struct WriteCorrectionRhs {
 
 struct ApplyCorrection {
   static constexpr const char* kName = "apply correction";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const FramesPoint& to = s.point(true);
     add_correction(s.step_rows(), i, s.correction, s.trial[s.controls->from].step, to.step);
@@ -326,16 +170,21 @@ struct ApplyCorrection {
 // The trial becomes the current point; its values there are found anew by the linearization.
 struct AcceptTrial {
   static constexpr const char* kName = "accept trial";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int nq = s.in.model.nq;
-    const double* from = s.point(true).frames;
-    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from[k];
+    const FramesPoint& from = s.point(true);
+    if (s.splined()) {
+      accept_control_point(s.in.model, s.spline, from.knots, i, s.current.knots);
+      return;
+    }
+    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from.frames[k];
   }
 };
 
-// The KKT matrix at the damping in `controls`, a block row per group: for D = 18 this reads 3 D^2
-// and writes 1.5 to 2.5 D^2 + 3 m D doubles a node. The diagonal of the multipliers is -epsilon.
+// The KKT matrix of frames at the damping in `controls`, a block row per group: for D = 18 this
+// reads 3 D^2 and writes 1.5 to 2.5 D^2 + 3 m D doubles a node. The diagonal of the multipliers is
+// -epsilon.
 struct AssembleWork {
   static constexpr const char* kName = "assemble";
   static constexpr int kMaxRanks = 128;
@@ -351,7 +200,7 @@ struct AssembleWork {
     if (system == nullptr) return;
     const FramesSystem& s = *system;
     const long g = job % b.blocks();
-    const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.frames()), size = s.size();
+    const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.nodes()), size = s.size();
     const KktRows rows{n,         d,          m,          s.smoothing, s.controls->damping,
                        s.hessian, s.jacobian, s.diagonal, s.lower};
     write_block_row(group, rows, g);
@@ -368,7 +217,7 @@ struct AssembleWork {
 // Takes epsilon out again, for the refinement.
 struct RemoveEpsilon {
   static constexpr const char* kName = "remove epsilon";
-  static constexpr bool kPadded = false;
+  static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const long size = s.size(), first = i % 2 * (size / 2);
     double* block = s.diagonal + i / 2 * size * size;
@@ -376,5 +225,4 @@ struct RemoveEpsilon {
   }
 };
 
-}  // namespace TRAJOPT_ISA
-}  // namespace trajopt
+}  // namespace trajopt::inline TRAJOPT_ISA

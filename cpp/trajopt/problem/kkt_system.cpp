@@ -5,6 +5,7 @@
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/problem/node_kernels.h"
+#include "trajopt/problem/spline_kernels.h"
 
 namespace trajopt {
 
@@ -46,6 +47,8 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
   } else {
     factorization_ = std::make_unique<Factorization>(blocks_, size_, ordering);
   }
+  if (problem.options().formulation == Formulation::spline)
+    scratch_.resize(threads_ * spline_row_scratch(problem.model().ndof));
 }
 
 Ordering KktSystem::ordering() const {
@@ -86,23 +89,22 @@ void KktSystem::assemble(const Linearization& lin, double damping, bool identity
     node_rows_ = {nodes_, primal_, dual_, smoothing_, damping, lin.node_rows.data()};
     return;
   }
-  const bool in_place = !ring_ && problem_.options().formulation == Formulation::frames;
-  if (!in_place) {
-    matrix_.set_zero();
-    std::fill(border_.begin(), border_.end(), 0.0);
-    std::fill(corner_.begin(), corner_.end(), 0.0);
+  if (identity) damping = 1.0;
+  if (problem_.options().formulation == Formulation::spline) {
+    assemble_spline(lin, damping, identity);
+    return;
   }
   if (nodes_ % 2 != 0) {  // the half block that pads an odd count is the identity
     double* d = matrix_.diagonal(blocks_ - 1);
     for (int i = size_ / 2; i < size_; ++i) d[static_cast<long>(i) * size_ + i] = 1;
   }
-  if (identity) damping = 1.0;
-  if (in_place) {
-    assemble_frames(lin, damping, identity);
-  } else if (ring_) {
+  if (ring_) {
+    matrix_.set_zero();
+    std::fill(border_.begin(), border_.end(), 0.0);
+    std::fill(corner_.begin(), corner_.end(), 0.0);
     assemble_ring(lin, damping, identity);
   } else {
-    assemble_spline(lin, damping, identity);
+    assemble_frames(lin, damping, identity);
   }
 }
 
@@ -118,6 +120,22 @@ void KktSystem::assemble_frames(const Linearization& lin, double damping, bool i
                      matrix_.lower(0)};
   const NodeKernels& kernels = node_kernels();
   parallel_for(blocks_, threads_, [&](long g, int) { kernels.write_block_row(rows, g); });
+}
+
+void KktSystem::assemble_spline(const Linearization& lin, double damping, bool identity) {
+  const int d = problem_.model().ndof;
+  const SplineRows rows{problem_.spline().view(),
+                        d,
+                        dual_ / 2,
+                        damping,
+                        identity ? nullptr : lin.hessian.data(),
+                        lin.jacobian.data(),
+                        matrix_.diagonal(0),
+                        matrix_.lower(0)};
+  const SplineKernels& kernels = spline_kernels();
+  parallel_for(blocks_, threads_, [&](long g, int worker) {
+    kernels.write_block_row(rows, g, scratch_.data() + worker * spline_row_scratch(d));
+  });
 }
 
 void KktSystem::assemble_ring(const Linearization& lin, double damping, bool identity) {

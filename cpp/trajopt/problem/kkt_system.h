@@ -70,7 +70,6 @@ class KktSystem {
   void assemble_ring(const Linearization& lin, double damping, bool identity);
   void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
-  void add_constraints_spline(const Linearization& lin);
   void solve_ring(std::vector<double>& rhs, int m, int refinements);
   // Adds rows x columns block at (node row, local row), (node column, local column) of the lower
   // triangle (wrapping into the border for a ring).
@@ -90,6 +89,7 @@ class KktSystem {
   std::vector<double> border_, corner_;  // chain rows x size, size x size
   std::vector<signed char> signs_;
   std::vector<double> rhs_copy_;
+  std::vector<double> scratch_;  // of the spline's assembly, per thread
 };
 
 }  // namespace trajopt

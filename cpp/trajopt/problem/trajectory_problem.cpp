@@ -8,6 +8,7 @@
 #include "trajopt/model/configuration.h"
 #include "trajopt/problem/node_kernels.h"
 #include "trajopt/problem/node_rows.h"
+#include "trajopt/problem/spline_kernels.h"
 
 namespace trajopt {
 
@@ -83,15 +84,18 @@ State TrajectoryProblem::state_from_frames(const double* frames) const {
   return state;
 }
 
+ControlPoints TrajectoryProblem::control_points(const State& state) const {
+  const int nq = model_.nq;
+  return {initial_.data() + nq, velocity_.data(), state.data(),
+          state.data() + static_cast<std::size_t>(nodes_) * nq};
+}
+
 void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frames) const {
   const int nq = model_.nq;
   frames.resize(static_cast<std::size_t>(frame_count_ + 2) * nq);
   std::copy(initial_.begin(), initial_.end(), frames.begin());
   if (spline_) {
-    std::vector<double> q(initial_.begin() + nq, initial_.end()), v(velocity_);
-    q.insert(q.end(), state.begin(), state.begin() + nodes_ * nq);
-    v.insert(v.end(), state.begin() + nodes_ * nq, state.end());
-    spline_->frames(q.data(), v.data(), frames.data() + nq);
+    spline_->frames(control_points(state), frames.data() + 2 * nq, options_.threads);
     return;
   }
   std::copy(state.begin(), state.end(), frames.begin() + 2 * nq);
@@ -110,20 +114,20 @@ void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frame
 }
 
 void TrajectoryProblem::retract(const State& state, const double* step, State& out) const {
-  const int nq = model_.nq, d = model_.ndof;
   out.resize(state.size());
   const ModelView model = view(model_);
+  if (spline_) {
+    const SplineView spline = spline_->view();
+    parallel_for(nodes_, options_.threads, [&](long z, int) {
+      spline_kernels().retract(model, spline, state.data(), step, z, out.data());
+    });
+    return;
+  }
   const NodeKernels& kernels = node_kernels();
   parallel_for(tree_chunks(nodes_), options_.threads, [&](long chunk, int) {
     const long begin = chunk * kTreeWidth, end = std::min<long>(begin + kTreeWidth, nodes_);
     kernels.retract(model, begin, end, state.data(), step, primal_, out.data());
   });
-  if (spline_) {
-    const std::size_t base = static_cast<std::size_t>(nodes_) * nq;
-    for (int i = 0; i < nodes_; ++i)
-      for (int k = 0; k < d; ++k)
-        out[base + i * d + k] = state[base + i * d + k] + step[i * primal_ + d + k];
-  }
 }
 
 void TrajectoryProblem::evaluate(const State& state, Evaluation& out) {
@@ -133,13 +137,7 @@ void TrajectoryProblem::evaluate(const State& state, Evaluation& out) {
 void TrajectoryProblem::linearize(const State& state, double augmentation, Evaluation& out,
                                   Linearization& lin) {
   run(state, augmentation, out, &lin);
-  if (spline_) {
-    const int nq = model_.nq;
-    std::vector<double> q(initial_.begin() + nq, initial_.end()), v(velocity_);
-    q.insert(q.end(), state.begin(), state.begin() + nodes_ * nq);
-    v.insert(v.end(), state.begin() + nodes_ * nq, state.end());
-    spline_->linearize(q.data(), v.data());
-  }
+  if (spline_) spline_->linearize(control_points(state), options_.threads);
   reduce_gradient(lin);
 }
 
@@ -304,50 +302,30 @@ void TrajectoryProblem::reduce_constraint(const std::vector<double>& frame_const
     constraint = frame_constraint;
     return;
   }
-  const int m = dual_ / 2;
-  constraint.assign(static_cast<std::size_t>(nodes_) * dual_, 0.0);
-  for (int i = 1; i <= frame_count_; ++i) {
-    for (const SplineWeight& w : spline_->weights(i).weights) {
-      if (w.node < 0) continue;
-      for (int r = 0; r < m; ++r)
-        constraint[w.node * dual_ + w.half * m + r] += w.value * frame_constraint[(i - 1) * m + r];
-    }
-  }
+  const SplineKernels& kernels = spline_kernels();
+  const SplineView spline = spline_->view();
+  constraint.resize(static_cast<std::size_t>(nodes_) * dual_);
+  parallel_for(nodes_, options_.threads, [&](long z, int) {
+    kernels.reduce_constraint(spline, dual_ / 2, frame_constraint.data(), z, constraint.data());
+  });
 }
 
 void TrajectoryProblem::reduce_gradient(Linearization& lin) const {
   const int n = frame_count_, d = model_.ndof;
   const NodeKernels& kernels = node_kernels();
-  const auto gather = [&](double* out) {  // by frame
-    parallel_for(tree_chunks(n), options_.threads, [&](long chunk, int) {
-      const long begin = chunk * kTreeWidth, end = std::min<long>(begin + kTreeWidth, n);
-      kernels.gather_gradient(lin.gradient.data(), n, d, options_.periodic, begin, end, out);
-    });
-  };
-  if (!spline_) {
-    lin.node_gradient.resize(static_cast<std::size_t>(n) * d);
-    return gather(lin.node_gradient.data());
-  }
-  std::vector<double> by_frame(static_cast<std::size_t>(n) * d);
-  gather(by_frame.data());
-  lin.node_gradient.assign(static_cast<std::size_t>(nodes_) * primal_, 0.0);
-  for (int i = 1; i <= n; ++i) {
-    const double* g = by_frame.data() + static_cast<std::size_t>(i - 1) * d;
-    for (const SplineWeight& w : spline_->weights(i).weights) {
-      if (w.node < 0) continue;
-      double* out = lin.node_gradient.data() + w.node * primal_ + w.half * d;
-      int ball = 0;
-      for (const Joint& joint : model_.joints) {
-        if (joint.type != JointType::ball) {
-          out[joint.dof] += w.value * g[joint.dof];
-          continue;
-        }
-        const double* r = w.rotation + 9 * ball++;
-        for (int a = 0; a < 3; ++a)
-          for (int b = 0; b < 3; ++b) out[joint.dof + a] += r[3 * b + a] * g[joint.dof + b];
-      }
-    }
-  }
+  std::vector<double>& by_frame = spline_ ? lin.frame_gradient : lin.node_gradient;
+  by_frame.resize(static_cast<std::size_t>(n) * d);
+  parallel_for(tree_chunks(n), options_.threads, [&](long chunk, int) {
+    const long begin = chunk * kTreeWidth, end = std::min<long>(begin + kTreeWidth, n);
+    kernels.gather_gradient(lin.gradient.data(), n, d, options_.periodic, begin, end,
+                            by_frame.data());
+  });
+  if (!spline_) return;
+  const SplineView spline = spline_->view();
+  lin.node_gradient.resize(static_cast<std::size_t>(nodes_) * primal_);
+  parallel_for(nodes_, options_.threads, [&](long z, int) {
+    spline_kernels().reduce_gradient(spline, d, by_frame.data(), z, lin.node_gradient.data());
+  });
 }
 
 }  // namespace trajopt

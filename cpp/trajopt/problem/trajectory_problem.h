@@ -51,6 +51,7 @@ struct Evaluation {
 // Per-frame derivative data (see FrameOutput), and the gradient by node.
 struct Linearization {
   LargeVector<double> hessian, gradient, jacobian;  // N x 6 x D x D, N x 3 x D, N x 3 x m x D
+  std::vector<double> frame_gradient;               // N x D, of the spline's frames
   std::vector<double> node_gradient;                // nodes x primal
   // Asked for (KktSystem::frontal_possible()), the matrix by nodes instead of windows and
   // Jacobians.
@@ -81,6 +82,8 @@ class TrajectoryProblem {
   const std::vector<double>& initial() const { return initial_; }
   const std::vector<DenseTerm>& dense_terms() const { return terms_; }
   const std::vector<LocalTerm>& local_terms() const { return local_terms_; }
+  // Of the fixed control point, scaled to a segment.
+  const std::vector<double>& velocity() const { return velocity_; }
   FrameInput frame_input(const double* frames, double augmentation) const;
 
   State state_from_frames(const double* frames) const;                     // N x nq: x_1 .. x_N
@@ -96,6 +99,7 @@ class TrajectoryProblem {
                          std::vector<double>& constraint) const;
 
  private:
+  ControlPoints control_points(const State& state) const;
   void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
   void run_frames(const FrameInput& in, Evaluation& out, Linearization* lin);
   void run_nodes(const FrameInput& in, Evaluation& out, Linearization& lin);

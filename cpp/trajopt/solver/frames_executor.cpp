@@ -7,7 +7,6 @@ namespace trajopt {
 void require_device_support(const TrajectoryProblem& problem, const std::string& device) {
   std::string what;
   const auto add = [&](const std::string& part) { what += (what.empty() ? "" : ", ") + part; };
-  if (problem.options().formulation == Formulation::spline) add("the spline formulation");
   if (problem.options().periodic) add("a periodic problem");
   for (const CallbackObjective& term : problem.objective().callbacks)
     add("the objective term '" + term.name + "', which is a function on the host");

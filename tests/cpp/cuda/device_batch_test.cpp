@@ -20,6 +20,12 @@ TEST(DeviceBatch, EveryProblemAsAlone) {
   }
 }
 
+TEST(DeviceBatch, SplinesAsAlone) {
+  Batch batch(5, test::make_spline_member);
+  test::expect_as_alone(batch, solve_funnels(batch.items(), cuda::make_executor, {}),
+                        test::make_spline_member);
+}
+
 // An objective without a minimum: no damping gives the matrix the right inertia.
 test::Case make_hopeless() {
   test::Random random(1);
@@ -47,7 +53,7 @@ TEST(DeviceBatch, NoProblems) {
 }
 
 TEST(DeviceBatch, WhatADeviceCannotDoIsRefusedAlone) {
-  test::Case cases[] = {make_member(0), test::make_flight(Formulation::spline)};
+  test::Case cases[] = {make_member(0), test::make_case({.periodic = true})};
   std::vector<BatchItem> items;
   for (test::Case& c : cases)
     items.push_back({{c.problem.get(), &c.state}, test::options_for(2), {}});

@@ -15,7 +15,8 @@ namespace {
 
 using linalg::Ordering;
 
-void compare(const std::function<test::Case()>& make, const FunnelOptions& options) {
+// Returns the number of iterations.
+std::size_t compare(const std::function<test::Case()>& make, const FunnelOptions& options) {
   test::Case expected = make(), actual = make();
   test::Recorder on_cpu, on_device;
   const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
@@ -25,19 +26,21 @@ void compare(const std::function<test::Case()>& make, const FunnelOptions& optio
   EXPECT_EQ(a.message, e.message);
   test::expect_same_records(on_device.records, on_cpu.records);
   test::expect_same_state(actual.state, expected.state);
+  return on_device.records.size();
 }
 
 TEST(DeviceExecutor, Flight) {
   for (Ordering ordering : {Ordering::cyclic, Ordering::sequential, Ordering::chunked}) {
     FunnelOptions options;
     options.ordering = ordering;
-    compare([] { return test::make_flight(Formulation::frames); }, options);
+    for (Formulation formulation : {Formulation::frames, Formulation::spline})
+      compare([=] { return test::make_flight(formulation); }, options);
   }
 }
 
 TEST(DeviceExecutor, EveryTerm) {
   for (const test::Named& named : test::all_setups()) {
-    if (named.setup.formulation == Formulation::spline || named.setup.periodic) continue;
+    if (named.setup.periodic) continue;
     SCOPED_TRACE(named.name);
     FunnelOptions options;
     options.ordering = Ordering::cyclic;
@@ -54,6 +57,17 @@ TEST(DeviceExecutor, HundredIterations) {
   options.funnel = 1e3;
   options.objective_tolerance = 0;
   compare([] { return test::make_case({.frames = 41, .turn = 0.02}); }, options);
+}
+
+TEST(DeviceExecutor, Spline) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 60;
+  options.funnel = 1e3;
+  options.objective_tolerance = 0;
+  const test::Setup setup{
+      .formulation = Formulation::spline, .frames = 50, .frames_per_knot = 10, .turn = 0.02};
+  EXPECT_GE(compare([&] { return test::make_case(setup); }, options), 60u);
 }
 
 // Sums of three levels.

@@ -26,16 +26,18 @@ Count count_allocations(test::Case c, const FunnelOptions& options) {
 }
 
 TEST(Allocation, NoneInAnIteration) {
-  for (int threads : {1, 2}) {
-    FunnelOptions options;
-    options.damping = 1e-9;  // so that steps are too long at first: some are refused
-    options.objective_tolerance = 0;
-    options.window = 100;
-    const Count count = count_allocations(test::make_flight(Formulation::frames, threads), options);
-    ASSERT_EQ(count.after.size(), 21u);
-    EXPECT_GT(count.accepted, 0);
-    for (std::size_t k = 3; k < count.after.size(); ++k)
-      EXPECT_EQ(count.after[k] - count.after[k - 1], 0) << "iteration " << k;
+  for (Formulation formulation : {Formulation::frames, Formulation::spline}) {
+    for (int threads : {1, 2}) {
+      FunnelOptions options;
+      options.damping = 1e-9;  // so that steps are too long at first: some are refused
+      options.objective_tolerance = 0;
+      options.window = 100;
+      const Count count = count_allocations(test::make_flight(formulation, threads), options);
+      ASSERT_EQ(count.after.size(), 21u);
+      EXPECT_GT(count.accepted, 0);
+      for (std::size_t k = 3; k < count.after.size(); ++k)
+        EXPECT_EQ(count.after[k] - count.after[k - 1], 0) << "iteration " << k;
+    }
   }
 }
 

@@ -25,15 +25,23 @@ inline Case make_member(int k) {
   return make_case(setup, 3 + k);
 }
 
+inline Case make_spline_member(int k) {
+  return make_case({.formulation = Formulation::spline,
+                    .frames = 15,
+                    .uneven = k % 3 == 1,
+                    .turn = 0.01 + 0.01 * k},
+                   3 + k);
+}
+
 struct Batch {
   std::vector<Case> cases;
   std::vector<Recorder> recorders;
   std::vector<FunnelOptions> options;
   std::vector<State> starts;  // when items() was called
 
-  explicit Batch(int count) : recorders(count) {
+  explicit Batch(int count, const std::function<Case(int)>& make = make_member) : recorders(count) {
     for (int k = 0; k < count; ++k) {
-      cases.push_back(make_member(k));
+      cases.push_back(make(k));
       options.push_back(options_for(3 + 2 * k));
     }
   }

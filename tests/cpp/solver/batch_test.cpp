@@ -49,6 +49,17 @@ TEST(Batch, EveryProblemAsAlone) {
   }
 }
 
+TEST(Batch, SplinesAsAlone) {
+  for (test::LaunchOrder how :
+       {test::LaunchOrder{RankOrder::forward, 0}, test::LaunchOrder{RankOrder::reverse, 0}}) {
+    Batch batch(5, test::make_spline_member);
+    Maker maker{how, 7, 1000, {}};
+    const auto ends = solve_funnels(batch.items(), maker.function(), {});
+    EXPECT_EQ(maker.made, std::vector<std::size_t>{5});
+    test::expect_as_alone(batch, ends, test::make_spline_member);
+  }
+}
+
 TEST(Batch, DifferentEndsAreMet) {
   Batch batch(5);
   Maker maker;
@@ -128,17 +139,27 @@ TEST(Batch, NotEvenOneFits) {
 
 // Problems of other shapes go to an executor of their own; what a device cannot do is refused.
 TEST(Batch, GroupedByShape) {
-  test::Case cases[] = {make_member(0), test::make_flight(Formulation::frames), make_member(1),
-                        test::make_flight(Formulation::spline),
-                        test::make_flight(Formulation::frames)};
+  const Formulation spline = Formulation::spline;
+  test::Case cases[] = {
+      make_member(0),
+      test::make_flight(Formulation::frames),
+      make_member(1),
+      test::make_case({.periodic = true}),
+      test::make_flight(Formulation::frames),
+      test::make_flight(spline),
+      test::make_case({.formulation = spline, .frames = 20}),
+      test::make_case({.formulation = spline, .frames = 20}, 2),
+      test::make_case({.formulation = spline, .frames = 20, .frames_per_knot = 10})};
   std::vector<BatchItem> items;
   for (test::Case& c : cases) items.push_back({{c.problem.get(), &c.state}, options_for(4), {}});
   EXPECT_TRUE(same_shape(items[0], items[2]));
   EXPECT_FALSE(same_shape(items[0], items[1]));
+  EXPECT_FALSE(same_shape(items[1], items[5]));
+  EXPECT_FALSE(same_shape(items[6], items[8]));
   Maker maker;
   const auto ends = solve_funnels(items, maker.function(), {});
-  EXPECT_EQ(maker.made, (std::vector<std::size_t>{2, 2, 1}));
-  for (int k : {0, 1, 2, 4}) EXPECT_FALSE(ends[k].error);
+  EXPECT_EQ(maker.made, (std::vector<std::size_t>{2, 2, 1, 1, 2, 1}));
+  for (int k : {0, 1, 2, 4, 5, 6, 7, 8}) EXPECT_FALSE(ends[k].error);
   ASSERT_TRUE(ends[3].error);
   EXPECT_THROW(std::rethrow_exception(ends[3].error), DeviceError);
 }

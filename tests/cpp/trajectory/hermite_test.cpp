@@ -22,6 +22,16 @@ std::vector<double> random_configurations(const Model& model, int count, test::R
   return q;
 }
 
+// Frames 0..N of the spline through control points z = 0..Z.
+std::vector<double> frames_of(const Model& model, const HermiteSpline& spline,
+                              const std::vector<double>& q, const std::vector<double>& v) {
+  std::vector<double> frames((spline.frames() + 1L) * model.nq);
+  std::copy_n(q.begin(), model.nq, frames.begin());
+  spline.frames({q.data(), v.data(), q.data() + model.nq, v.data() + model.ndof},
+                frames.data() + model.nq, 1);
+  return frames;
+}
+
 TEST(Hermite, ReproducesCubics) {
   const Model model = test::make_character(false);
   const int d = model.ndof;
@@ -34,14 +44,14 @@ TEST(Hermite, ReproducesCubics) {
     return (3 * a[4 * k + 3] * s + 2 * a[4 * k + 2]) * s + a[4 * k + 1];
   };
   HermiteSpline spline(model, kSegments, kPerSegment);
-  std::vector<double> q, v, frames((kFrames + 1) * d);
+  std::vector<double> q, v;
   for (int z = 0; z <= kSegments; ++z) {
     for (int k = 0; k < d; ++k) {
       q.push_back(value(k, z));
       v.push_back(slope(k, z));
     }
   }
-  spline.frames(q.data(), v.data(), frames.data());
+  const std::vector<double> frames = frames_of(model, spline, q, v);
   for (int i = 0; i <= kFrames; ++i) {
     const double s = static_cast<double>(i) / kPerSegment;
     for (int k = 0; k < d; ++k)
@@ -55,7 +65,7 @@ TEST(Hermite, ReproducesUniformRotation) {
   const int d = model.ndof, nq = model.nq;
   const double rate[3] = {1.2, -1.6, 1.5};  // 2.5 rad a segment, 10 rad in all
   std::vector<double> q((kSegments + 1) * nq, 0.0), v((kSegments + 1) * d, 0.0);
-  std::vector<double> x(d, 0.0), frames((kFrames + 1) * nq), expected(nq);
+  std::vector<double> x(d, 0.0), expected(nq);
   const auto pose = [&](double s, double* out) {
     for (const Joint& joint : model.joints)
       for (int k = 0; k < 3 && joint.type == JointType::ball; ++k) x[joint.dof + k] = s * rate[k];
@@ -67,8 +77,8 @@ TEST(Hermite, ReproducesUniformRotation) {
       for (int k = 0; k < 3 && joint.type == JointType::ball; ++k)
         v[z * d + joint.dof + k] = rate[k];
   }
-  HermiteSpline spline(model, kSegments, kPerSegment);
-  spline.frames(q.data(), v.data(), frames.data());
+  const HermiteSpline spline(model, kSegments, kPerSegment);
+  const std::vector<double> frames = frames_of(model, spline, q, v);
   std::vector<double> error(d);
   for (int i = 0; i <= kFrames; ++i) {
     pose(static_cast<double>(i) / kPerSegment, expected.data());
@@ -85,9 +95,8 @@ TEST(Hermite, SmoothAcrossSegments) {
   test::Random random(2);
   const std::vector<double> q = random_configurations(model, 3, random, 0.7);
   const std::vector<double> v = random.vector(3 * static_cast<std::size_t>(d), 1.0);
-  HermiteSpline spline(model, 2, fine);
-  std::vector<double> frames((2 * fine + 1) * static_cast<std::size_t>(nq));
-  spline.frames(q.data(), v.data(), frames.data());
+  const HermiteSpline spline(model, 2, fine);
+  const std::vector<double> frames = frames_of(model, spline, q, v);
   const double* knot = frames.data() + static_cast<long>(fine) * nq;
   std::vector<double> left(d), right(d), gap(d);
   difference(model, knot, q.data() + nq, gap.data());
@@ -109,9 +118,8 @@ TEST(Hermite, FitRoundTrip) {
   const std::vector<double> q = random_configurations(model, kSegments + 1, random, 0.6);
   const std::vector<double> v = random.vector((kSegments + 1) * static_cast<std::size_t>(d), 0.5);
   for (const int per_segment : {10, 100}) {
-    HermiteSpline spline(model, kSegments, per_segment);
-    std::vector<double> frames((spline.frames() + 1) * static_cast<std::size_t>(nq));
-    spline.frames(q.data(), v.data(), frames.data());
+    const HermiteSpline spline(model, kSegments, per_segment);
+    const std::vector<double> frames = frames_of(model, spline, q, v);
     std::vector<double> fitted_q(q.size()), fitted_v(v.size()), error(d);
     spline.fit(frames.data(), fitted_q.data(), fitted_v.data());
     for (int z = 0; z <= kSegments; ++z) {

@@ -31,7 +31,10 @@ class CudaDevice {
              FoldChunksWork<StepItems>, FoldRestWork, AssembleWork, NodesWork<GatherGradient>,
              NodesWork<WriteStepsRhs>, NodesWork<MeasureSteps>, NodesWork<ComposeStep>,
              NodesWork<WriteCorrectionRhs>, NodesWork<ApplyCorrection>, NodesWork<AcceptTrial>,
-             NodesWork<RemoveEpsilon>>();
+             NodesWork<RemoveEpsilon>, NodesWork<SplineFrames<false>>,
+             NodesWork<SplineFrames<true>>, NodesWork<SplineRotations>,
+             NodesWork<ReduceConstraint<false>>, NodesWork<ReduceConstraint<true>>,
+             NodesWork<ReduceGradient>, AssembleSplineWork>();
   }
 
   std::string name() const { return "cuda"; }

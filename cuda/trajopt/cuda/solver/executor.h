@@ -8,7 +8,7 @@
 
 namespace trajopt::cuda {
 
-// For problems of one shape in the frames formulation; with the bits of the processor's executor
+// For problems of one shape; with the bits of the processor's executor
 // for the same elimination order. Ordering::automatic is cyclic reduction here, or two sweeps where
 // there are enough problems to fill the device. Moves the members' states, which are up to date
 // whenever state() has been called. Throws DeviceError where there is no device and for a problem
