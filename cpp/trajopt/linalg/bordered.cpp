@@ -4,6 +4,7 @@
 #include <string>
 
 #include "trajopt/base/error.h"
+#include "trajopt/base/group.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/linalg/pivot_error.h"
 
@@ -102,15 +103,18 @@ void BorderedFactorization::solve(double* z, double* y, int m, int threads) cons
   });
 }
 
-Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, const double* rhs_z,
-                                         const double* rhs_y, double* z, double* y, int max_steps,
-                                         double tolerance, int threads) {
+Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, const double* f,
+                                         const double* rhs_z, const double* rhs_y, double* z,
+                                         double* y, int max_steps, double tolerance, int threads) {
+  std::copy_n(f, f_.size(), f_.data());  // the kernels read beyond the last row
   double* r_z = residual_.data();
   double* r_y = r_z + rows();
   double* saved_z = saved_.data();
   double* saved_y = saved_z + rows();
-  const double size =
-      std::max(largest_magnitude(rhs_z, rows(), 1, 1), largest_magnitude(rhs_y, border_, 1, 1));
+  const auto norm = [&](const double* of_z, const double* of_y) {
+    return largest(largest_magnitude(of_z, rows(), 1, 1), largest_magnitude(of_y, border_, 1, 1));
+  };
+  const double size = norm(rhs_z, rhs_y);
   const double scale = size > 0.0 ? size : 1.0;
   const auto evaluate = [&] {
     const int all = static_cast<int>(rows());
@@ -120,8 +124,7 @@ Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, con
     kernels_->subtract(all, border_, e_.data(), columns_, y, r_z, 1, 1, 1, 0);
     kernels_->subtract_transposed(all, border_, e_.data(), columns_, z, r_y, 1, 1, 1, 0);
     kernels_->subtract_symmetric(border_, f_.data(), border_, y, r_y, 1, 1, 1, 0);
-    return std::max(largest_magnitude(r_z, rows(), 1, 1), largest_magnitude(r_y, border_, 1, 1)) /
-           scale;
+    return norm(r_z, r_y) / scale;
   };
   const auto correct = [&] {
     solve(r_z, r_y, 1, threads);

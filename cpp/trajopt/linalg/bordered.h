@@ -31,10 +31,11 @@ class BorderedFactorization {
   // Solves in place: z is rows x m, y is border x m, row-major.
   void solve(double* z, double* y, int m = 1, int threads = 1) const;
 
-  // As Factorization::refine, for one right-hand side (f_z, f_y) and its solution (z, y). The e and
-  // f passed to factor() are used again and must still be the same.
-  Refinement refine(const SymmetricBlockTridiagonal& k, const double* rhs_z, const double* rhs_y,
-                    double* z, double* y, int max_steps, double tolerance, int threads = 1);
+  // As Factorization::refine, for one right-hand side (rhs_z, rhs_y) and its solution (z, y), with
+  // the e passed to factor(). Overwrites its copy of the f passed there.
+  Refinement refine(const SymmetricBlockTridiagonal& k, const double* f, const double* rhs_z,
+                    const double* rhs_y, double* z, double* y, int max_steps, double tolerance,
+                    int threads = 1);
 
   int blocks() const { return inner_.blocks(); }
   int size() const { return inner_.size(); }

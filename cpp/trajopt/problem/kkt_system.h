@@ -59,13 +59,12 @@ class KktSystem {
 
  private:
   void assemble_frames(const Linearization& lin, double damping, bool identity);
-  void assemble_ring(const Linearization& lin, double damping, bool identity);
   void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
   void add_constraints_spline(const Linearization& lin);
-  void solve_ring(std::vector<double>& rhs, int m, int refinements);
+  void refine_ring(std::vector<double>& solution, int m, int refinements);
   // Adds rows x columns block at (node row, local row), (node column, local column) of the lower
-  // triangle (wrapping into the border for a ring).
+  // triangle.
   void put(int row_node, int row, int column_node, int column, int rows, int columns,
            const double* block, int row_stride, int column_stride, double scale = 1.0);
 
@@ -79,7 +78,7 @@ class KktSystem {
   std::unique_ptr<linalg::BorderedFactorization> bordered_;
   std::vector<double> border_, corner_;  // chain rows x size, size x size
   std::vector<signed char> signs_;
-  std::vector<double> rhs_copy_;
+  std::vector<double> rhs_copy_, columns_;
 };
 
 }  // namespace trajopt
