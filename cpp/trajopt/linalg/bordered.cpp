@@ -40,7 +40,7 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
   const Pivot pivot = factor_border(e, f, border_signs, regularization, threads);
   if (!factored_) {
     const bool positive = !border_signs || border_signs[pivot.row] > 0;
-    throw border_pivot_error(blocks(), pivot.row, pivot.value, positive, regularization);
+    throw border_pivot_error(-1, blocks(), pivot.row, pivot.value, positive, regularization);
   }
 }
 

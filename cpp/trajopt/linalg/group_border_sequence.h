@@ -17,11 +17,10 @@ void sequence_border_solve(const Executor& run, const GroupPlan& plan, const Pla
   run(group::BorderSpreadWork{s, b, v});
 }
 
-// The failures have to be reset before, K's and the border's.
+// After K's factorization: the border's. Its failures have to be reset before.
 template <class Executor>
 void sequence_border_factor(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
                             const GroupSystem& s, const GroupBorder& b) {
-  sequence_factor(run, plan, at, s);
   run(group::BorderCopyWork{s, b});
   sequence_solve(run, plan, at, s, {b.z, b.border, nullptr});
   run(group::BorderUpdateWork{s, b});

@@ -6,6 +6,7 @@
 #include "trajopt/problem/frame_body.h"
 #include "trajopt/problem/kkt_rows.h"
 #include "trajopt/problem/local_terms.h"
+#include "trajopt/problem/ring.h"
 #include "trajopt/problem/step_rows.h"
 
 namespace trajopt {
@@ -18,7 +19,8 @@ struct Controls {
   int from, to;               // trials: one that is corrected, and the one at hand
 };
 
-// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all.
+// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all,
+// but for those of a ring.
 struct FramesPoint {
   double* frames;      // (N + 2) x nq
   double* step;        // N x D: what led here from the current point
@@ -32,13 +34,16 @@ struct FramesSystem {
   const LocalTerm* local;
   int nlocal;
   double smoothing, epsilon;
+  bool ring;
+  double stride[3];
   const Controls* controls;
   FramesPoint current, trial[2];
   double *hessian, *gradient, *jacobian;  // as FrameOutput
   double *torque, *cost;                  // N x nu, N x nterm
   double* local_cost;                     // nlocal x N
   double* node_gradient;                  // N x D
-  double *diagonal, *lower;               // of the KKT matrix
+  double *diagonal, *lower;               // of the KKT matrix, a ring's without its last block row
+  double *border, *corner;                // of a ring: that row
   double *rhs, *steps;                    // rows x 2
   double* correction;                     // rows
   double* items;                          // kStepItems x N
@@ -49,6 +54,9 @@ struct FramesSystem {
   TRAJOPT_HD int size() const { return 2 * (primal() + dual()); }
   TRAJOPT_HD long blocks() const { return (frame_count + 1) / 2; }
   TRAJOPT_HD long rows() const { return blocks() * size(); }
+  TRAJOPT_HD double* block(long g) const {
+    return ring && g + 1 == blocks() ? corner : diagonal + g * size() * size();
+  }
   TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
   // The trial at hand, or the current point.
   TRAJOPT_HD const FramesPoint& point(bool tried) const {
@@ -58,7 +66,7 @@ struct FramesSystem {
     return {static_cast<int>(frame_count),
             primal(),
             dual(),
-            false,
+            ring,
             smoothing,
             node_gradient,
             current.constraint,
@@ -256,7 +264,7 @@ struct GatherGradient {
   static constexpr const char* kName = "gather gradient";
   static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    gather_gradient(s.gradient, s.frames(), s.primal(), false, i, s.node_gradient + i * s.primal());
+    gather_gradient(s.gradient, s.frames(), s.primal(), s.ring, i, s.node_gradient + i * s.primal());
   }
 };
 
@@ -288,6 +296,10 @@ struct MeasureSteps {
 TRAJOPT_HD inline void retract_node(const FramesSystem& s, const FramesPoint& to, long i) {
   const long q = (i + 2) * s.in.model.nq;
   integrate_body(s.in.model, s.current.frames + q, to.step + i * s.primal(), to.frames + q);
+  if (s.ring && i + 2 >= s.frames()) {
+    double* before = to.frames + (i + 2 - s.frames()) * s.in.model.nq;
+    one_period_before(s.in.model, s.stride, to.frames + q, before);
+  }
 }
 
 struct ComposeStep {
@@ -330,7 +342,11 @@ struct AcceptTrial {
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const int nq = s.in.model.nq;
     const double* from = s.point(true).frames;
-    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from[k];
+    const auto accept = [&](long frame) {
+      for (long k = frame * nq; k < (frame + 1) * nq; ++k) s.current.frames[k] = from[k];
+    };
+    accept(i + 2);
+    if (s.ring && i + 2 >= s.frames()) accept(i + 2 - s.frames());
   }
 };
 
@@ -352,10 +368,10 @@ struct AssembleWork {
     const FramesSystem& s = *system;
     const long g = job % b.blocks();
     const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.frames()), size = s.size();
-    const KktRows rows{n,         d,          m,          s.smoothing, s.controls->damping,
-                       s.hessian, s.jacobian, s.diagonal, s.lower};
+    const KktRows rows{n,         d,          m,          s.ring,  s.smoothing, s.controls->damping,
+                       s.hessian, s.jacobian, s.diagonal, s.lower, s.border,    s.corner};
     write_block_row(group, rows, g);
-    double* diagonal = s.diagonal + g * size * size;
+    double* diagonal = s.block(g);
     const bool padded = 2 * g + 1 == n;  // its second half is the identity
     for_each(group, size, [&](int r) {
       double* at = diagonal + static_cast<long>(r) * size + r;
@@ -371,7 +387,7 @@ struct RemoveEpsilon {
   static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const long size = s.size(), first = i % 2 * (size / 2);
-    double* block = s.diagonal + i / 2 * size * size;
+    double* block = s.block(i / 2);
     for (long k = first; k < first + s.dual(); ++k) block[k * size + k] = 0.0;
   }
 };

@@ -7,6 +7,7 @@
 #include "trajopt/base/parallel.h"
 #include "trajopt/model/configuration.h"
 #include "trajopt/problem/node_kernels.h"
+#include "trajopt/problem/ring.h"
 
 namespace trajopt {
 
@@ -96,14 +97,8 @@ void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frame
   std::copy(state.begin(), state.end(), frames.begin() + 2 * nq);
   if (options_.periodic) {
     for (int k = 0; k < 2; ++k) {
-      double* to = frames.data() + k * nq;
       const double* from = state.data() + static_cast<std::size_t>(frame_count_ - 2 + k) * nq;
-      std::copy(from, from + nq, to);
-      int slide = 0;  // the stride moves the leading slides of the root
-      for (const Joint& joint : model_.joints) {
-        if (joint.type != JointType::slide || slide == 3) break;
-        to[joint.q] -= options_.stride[slide++];
-      }
+      one_period_before(view(model_), options_.stride, from, frames.data() + k * nq);
     }
   }
 }
