@@ -3,96 +3,13 @@
 // runs; here stands only who does which frame, node or block row, and where its numbers lie.
 #pragma once
 
+#include "trajopt/problem/fold_work.h"
 #include "trajopt/problem/frame_body.h"
+#include "trajopt/problem/frames_system.h"
 #include "trajopt/problem/kkt_rows.h"
-#include "trajopt/problem/local_terms.h"
 #include "trajopt/problem/ring.h"
-#include "trajopt/problem/step_rows.h"
 
-namespace trajopt {
-
-// Numbers that the host decides on, read by the launches when they run.
-struct Controls {
-  double damping;
-  double tangential, normal;  // the step d = tangential t + normal n
-  double zeta;                // A d = -zeta C
-  int from, to;               // trials: one that is corrected, and the one at hand
-};
-
-// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all,
-// but for those of a ring.
-struct FramesPoint {
-  double* frames;      // (N + 2) x nq
-  double* step;        // N x D: what led here from the current point
-  double* constraint;  // N x m
-};
-
-// What the launches work on of one problem: plain pointers into the executor's memory.
-struct FramesSystem {
-  long frame_count;
-  FrameInput in;  // its frames are those of the current point
-  const LocalTerm* local;
-  int nlocal;
-  double smoothing, epsilon;
-  bool ring;
-  double stride[3];
-  const Controls* controls;
-  FramesPoint current, trial[2];
-  double *hessian, *gradient, *jacobian;  // as FrameOutput
-  double *torque, *cost;                  // N x nu, N x nterm
-  double* local_cost;                     // nlocal x N
-  double* node_gradient;                  // N x D
-  double *diagonal, *lower;               // of the KKT matrix, a ring's without its last block row
-  double *border, *corner;                // of a ring: that row
-  double *rhs, *steps;                    // rows x 2
-  double* correction;                     // rows
-  double* items;                          // kStepItems x N
-
-  TRAJOPT_HD long frames() const { return frame_count; }
-  TRAJOPT_HD int primal() const { return in.model.ndof; }
-  TRAJOPT_HD int dual() const { return in.model.nunactuated; }
-  TRAJOPT_HD int size() const { return 2 * (primal() + dual()); }
-  TRAJOPT_HD long blocks() const { return (frame_count + 1) / 2; }
-  TRAJOPT_HD long rows() const { return blocks() * size(); }
-  TRAJOPT_HD double* block(long g) const {
-    return ring && g + 1 == blocks() ? corner : diagonal + g * size() * size();
-  }
-  TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
-  // The trial at hand, or the current point.
-  TRAJOPT_HD const FramesPoint& point(bool tried) const {
-    return tried ? trial[controls->to] : current;
-  }
-  TRAJOPT_HD StepRows step_rows() const {
-    return {static_cast<int>(frame_count),
-            primal(),
-            dual(),
-            ring,
-            smoothing,
-            node_gradient,
-            current.constraint,
-            steps};
-  }
-};
-
-// The problems of a launch. All have the same numbers of frames, coordinates, constraints and
-// terms.
-struct FramesBatch {
-  const FramesSystem* systems;  // by problem
-  const int* active;            // how many problems this launch is for, and which
-  long places;                  // as many find room in it
-  long frames;
-  std::size_t scratch_bytes;  // of one frame
-  long lanes;                 // frames in work at once
-  unsigned char* scratch;     // lanes x scratch_bytes
-
-  TRAJOPT_HD long blocks() const { return (frames + 1) / 2; }
-  // nullptr: this place is empty.
-  TRAJOPT_HD const FramesSystem* system(long place) const {
-    return place < active[0] ? systems + active[1 + place] : nullptr;
-  }
-};
-
-inline namespace TRAJOPT_ISA {
+namespace trajopt::inline TRAJOPT_ISA {
 
 // Dynamics, objective rows and local terms, a frame per rank. Floor for D = 18: 45 kflop for a
 // linearization without its Gram matrix, 10 kflop for an evaluation (bench/_cost.py counts them);
@@ -140,98 +57,6 @@ struct FramesWork {
           in.model, s.local[k], local, Derivatives ? s.hessian + f * 6 * d * d : nullptr,
           Derivatives ? s.gradient + f * 3 * d : nullptr);
     }
-  }
-};
-
-// What a point is judged by: the sum of each term, and the largest constraint.
-struct PointItems {
-  const double *cost, *local_cost, *constraint;
-  int nterm, nlocal, m;
-  long frames;
-
-  TRAJOPT_HD PointItems(const FramesSystem& s, bool tried)
-      : cost(s.cost),
-        local_cost(s.local_cost),
-        constraint(s.point(tried).constraint),
-        nterm(s.in.nterm),
-        nlocal(s.nlocal),
-        m(s.dual()),
-        frames(s.frames()) {}
-  TRAJOPT_HD double operator()(int fold, long f) const {
-    if (fold < nterm) return cost[f * nterm + fold];
-    if (fold < nterm + nlocal) return local_cost[(fold - nterm) * frames + f];
-    double most = 0.0;
-    for (int r = 0; r < m; ++r) most = Largest{}(most, magnitude(constraint[f * m + r]));
-    return most;
-  }
-};
-
-struct StepItems {
-  const double* items;
-  long nodes;
-  TRAJOPT_HD StepItems(const FramesSystem& s, bool) : items(s.items), nodes(s.frames()) {}
-  TRAJOPT_HD double operator()(int fold, long i) const { return items[fold * nodes + i]; }
-};
-
-// Folds of several sequences of a problem's items, as two launches: all chunks, then what is left
-// of each sequence. Of the last sequence the largest value is wanted, of the others the sum.
-template <class Items>
-struct FoldChunksWork {
-  static constexpr const char* kName = "fold chunks";
-  static constexpr int kMaxRanks = kTreeWidth;
-  FramesBatch b;
-  bool tried;
-  int folds;
-  double* partial;  // places x folds x chunks
-
-  TRAJOPT_HD long jobs() const { return b.places * folds * tree_chunks(b.frames); }
-  TRAJOPT_HD int ranks() const { return kMaxRanks; }
-  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
-
-  template <class Group>
-  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
-    double* slots = static_cast<double*>(space);
-    const long chunks = tree_chunks(b.frames), begin = job % chunks * kTreeWidth;
-    const int fold = static_cast<int>(job / chunks % folds);
-    const FramesSystem* s = b.system(job / chunks / folds);
-    if (s == nullptr) return;
-    const Items items(*s, tried);
-    const auto get = [&](long i) { return items(fold, i); };
-    if (fold + 1 < folds) {
-      fold_chunk<Sum>(group, begin, b.frames, get, slots);
-    } else {
-      fold_chunk<Largest>(group, begin, b.frames, get, slots);
-    }
-    for_each(group, 1, [&](int) { partial[job] = slots[0]; });
-  }
-};
-
-struct FoldRestWork {
-  static constexpr const char* kName = "fold rest";
-  static constexpr int kMaxRanks = kTreeWidth;
-  FramesBatch b;
-  int folds;
-  double* partial;  // places x folds x chunks; overwritten
-  double* result;   // places x folds
-
-  TRAJOPT_HD long jobs() const { return b.places * folds; }
-  TRAJOPT_HD int ranks() const { return kMaxRanks; }
-  std::size_t bytes() const { return kTreeWidth * sizeof(double); }
-
-  template <class Group>
-  TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
-    if (b.system(job / folds) == nullptr) return;
-    double* slots = static_cast<double*>(space);
-    const long chunks = tree_chunks(b.frames);
-    double* values = partial + job * chunks;
-    if (chunks > 1) {
-      if (job % folds + 1 < folds) {
-        fold_tree<Sum>(group, values, chunks, slots);
-      } else {
-        fold_tree<Largest>(group, values, chunks, slots);
-      }
-    }
-    for_each(group, 1, [&](int) { result[job] = values[0]; });
   }
 };
 
@@ -392,5 +217,4 @@ struct RemoveEpsilon {
   }
 };
 
-}  // namespace TRAJOPT_ISA
-}  // namespace trajopt
+}  // namespace trajopt::inline TRAJOPT_ISA

@@ -8,9 +8,6 @@ void require_device_support(const TrajectoryProblem& problem, const std::string&
   std::string what;
   const auto add = [&](const std::string& part) { what += (what.empty() ? "" : ", ") + part; };
   if (problem.options().formulation == Formulation::spline) add("the spline formulation");
-  if (problem.options().periodic) add("a periodic problem");
-  for (const CallbackObjective& term : problem.objective().callbacks)
-    add("the objective term '" + term.name + "', which is a function on the host");
   if (what.empty()) return;
   throw DeviceError("device " + device + " does not support " + what +
                     ": solve this problem with device cpu");

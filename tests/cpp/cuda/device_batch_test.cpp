@@ -20,6 +20,14 @@ TEST(DeviceBatch, EveryProblemAsAlone) {
   }
 }
 
+// Rings, and problems with functions of the user.
+TEST(DeviceBatch, OtherKindsAsAlone) {
+  for (const auto& make : {test::make_ring_member, test::make_function_member}) {
+    Batch batch(5, make);
+    test::expect_as_alone(batch, solve_funnels(batch.items(), cuda::make_executor, {}), make);
+  }
+}
+
 // An objective without a minimum: no damping gives the matrix the right inertia.
 test::Case make_hopeless() {
   test::Random random(1);

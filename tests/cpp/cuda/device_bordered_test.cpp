@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "linalg/random_matrix.h"
@@ -56,7 +58,7 @@ struct System {
 // Systems of one shape in device memory.
 class OnDevice {
  public:
-  explicit OnDevice(const std::vector<System>& all)
+  explicit OnDevice(std::span<const System> all)
       : count_(all.size()),
         k_(all[0].k.blocks(), all[0].k.size(), static_cast<int>(count_)),
         e_(count_ * all[0].e.size()),
@@ -67,9 +69,9 @@ class OnDevice {
         border_signs_(count_ * all[0].border_signs.size()) {
     upload(all);
   }
-  explicit OnDevice(const System& s) : OnDevice(std::vector<System>{s}) {}
+  explicit OnDevice(const System& s) : OnDevice(std::span(&s, 1)) {}
 
-  void upload(const std::vector<System>& all) {
+  void upload(std::span<const System> all) {
     SymmetricBlockTridiagonal k(k_.blocks(), k_.size(), k_.batch());
     Values e, f;
     host_signs_.clear();
@@ -175,16 +177,19 @@ void refine_columns(linalg::BorderedFactorization& factors, const System& s, con
   }
 }
 
-// Columns that converge at different speeds, one with nothing to solve, and regularizations up to
-// where a step has to be taken back.
+// Columns that converge at different speeds, and one with nothing to solve. With another border than
+// the one that was factored no step helps, and the first has to be taken back.
 TEST(DeviceBordered, SameRefinement) {
   for (int border : {1, 9, 23}) {
-    const System system(6, 8, border);
-    OnDevice device(system);
-    for (double regularization : {1e-9, 3.0, 200.0}) {
+    for (const auto& [regularization, factor] :
+         {std::pair(1e-9, 1.0), std::pair(3.0, 1.0), std::pair(200.0, 1.0), std::pair(0.1, 9.0)}) {
+      System system(6, 8, border);
+      OnDevice device(system);
       linalg::BorderedFactorization cpu = system.factored(Ordering::cyclic, regularization);
       cuda::BorderedFactorization gpu(6, 8, border, Ordering::cyclic);
       device.factor(gpu, regularization);
+      for (double& value : system.f) value *= factor;
+      device.upload(std::span(&system, 1));
       for (int m : {1, 2, 11}) {
         Values rhs = random_vector(system.rows() * m, 6);
         for (long i = 0; m > 1 && i < system.rows(); ++i) rhs[i * m + 1] = i % 4 == 0 ? 0.0 : 1e9;
@@ -270,7 +275,8 @@ TEST(DeviceBordered, SameFailures) {
 }
 
 TEST(DeviceBordered, NamesTheProblemOfABatch) {
-  std::vector<System> systems(3, System(5, 4, 3));
+  std::vector<System> systems;
+  for (int item = 0; item < 3; ++item) systems.emplace_back(5, 4, 3);
   systems[1].f[4] = -1e4;
   cuda::BorderedFactorization gpu(5, 4, 3, Ordering::cyclic, 2, 3);
   OnDevice device(systems);

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <stdexcept>
 
 #include "solver/flight.h"
+#include "solver/functions.h"
 #include "solver/same_records.h"
 #include "trajopt/cuda/solver/executor.h"
 #include "trajopt/solver/batch.h"
@@ -15,7 +17,8 @@ namespace {
 
 using linalg::Ordering;
 
-void compare(const std::function<test::Case()>& make, const FunnelOptions& options) {
+// Returns the number of iterations.
+std::size_t compare(const std::function<test::Case()>& make, const FunnelOptions& options) {
   test::Case expected = make(), actual = make();
   test::Recorder on_cpu, on_device;
   const Result e = solve_funnel(*expected.problem, options, expected.state, on_cpu.observer());
@@ -25,6 +28,7 @@ void compare(const std::function<test::Case()>& make, const FunnelOptions& optio
   EXPECT_EQ(a.message, e.message);
   test::expect_same_records(on_device.records, on_cpu.records);
   test::expect_same_state(actual.state, expected.state);
+  return on_device.records.size();
 }
 
 TEST(DeviceExecutor, Flight) {
@@ -37,7 +41,7 @@ TEST(DeviceExecutor, Flight) {
 
 TEST(DeviceExecutor, EveryTerm) {
   for (const test::Named& named : test::all_setups()) {
-    if (named.setup.formulation == Formulation::spline || named.setup.periodic) continue;
+    if (named.setup.formulation == Formulation::spline) continue;
     SCOPED_TRACE(named.name);
     FunnelOptions options;
     options.ordering = Ordering::cyclic;
@@ -54,6 +58,56 @@ TEST(DeviceExecutor, HundredIterations) {
   options.funnel = 1e3;
   options.objective_tolerance = 0;
   compare([] { return test::make_case({.frames = 41, .turn = 0.02}); }, options);
+}
+
+TEST(DeviceExecutor, Ring) {
+  for (bool uneven : {false, true}) {
+    FunnelOptions options;
+    options.ordering = Ordering::cyclic;
+    options.max_iterations = 40;
+    options.funnel = 1e3;
+    options.objective_tolerance = 1e-6;
+    const test::Setup setup{.frames = 24, .uneven = uneven, .periodic = true, .turn = 0.02};
+    EXPECT_GE(compare([&] { return test::make_case(setup); }, options), 30u);
+  }
+}
+
+TEST(DeviceExecutor, FunctionsOfTheUser) {
+  for (bool periodic : {false, true}) {
+    FunnelOptions options;
+    options.ordering = Ordering::cyclic;
+    options.max_iterations = 40;
+    options.funnel = 1e3;
+    options.objective_tolerance = 1e-6;
+    const test::Setup setup{.frames = 24, .periodic = periodic, .turn = 0.02};
+    EXPECT_GE(compare([&] { return test::make_case_with_functions(setup); }, options), 30u);
+  }
+}
+
+TEST(DeviceExecutor, AFunctionThatThrows) {
+  for (int after : {0, 1, 2, 7}) {
+    test::Case c = test::make_case_with_functions({}, 1, nullptr, after);
+    const auto executor = cuda::make_executor({{c.problem.get(), &c.state}}, executor_options({}));
+    EXPECT_THROW(solve_funnel(*executor, {}, {}), std::domain_error);
+  }
+}
+
+// The pivot that fails is one of the border, where the ring is closed: said as on the processor.
+TEST(DeviceExecutor, SingularBorder) {
+  const auto make = [] {
+    test::Random random(1);
+    const test::Setup setup{.frames = 12, .periodic = true, .turn = 0.01};
+    const Model model = test::make_character();
+    Objective objective = test::every_term(model, setup.frames, random);
+    objective.local[0].weight.back() = -1e20;
+    return test::make_case(setup, model, objective, random);
+  };
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  test::Case c = make();
+  const Result result = solve_funnel(*c.problem, options, c.state, {});
+  EXPECT_NE(result.message.find("of the border (block 5)"), std::string::npos) << result.message;
+  compare(make, options);
 }
 
 // Sums of three levels.
