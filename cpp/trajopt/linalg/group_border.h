@@ -21,7 +21,7 @@ struct GroupBorder {
   double* schur = nullptr;                 // S, then W: (batch, border, ld)
   double* unscaled = nullptr;              // scratch, as schur
   double* inverse = nullptr;               // (batch, border)
-  GroupFailure* failures = nullptr;        // (batch,); block is 0 where a pivot of S failed, else -1
+  GroupFailure* failures = nullptr;  // (batch,); block is 0 where a pivot of S failed, else -1
 
   // What K's failed_stage says of such an item.
   static constexpr int kFailed = GroupSystem::kNever - 1;

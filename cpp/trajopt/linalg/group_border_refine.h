@@ -1,5 +1,5 @@
-// The launches of iterative refinement with a border, as BorderedFactorization::refine: every column
-// takes its own decisions. Vectors are (batch, rows + border, m).
+// The launches of iterative refinement with a border, as BorderedFactorization::refine: every
+// column takes its own decisions. Vectors are (batch, rows + border, m).
 #pragma once
 
 #include "trajopt/linalg/group_border.h"
@@ -22,8 +22,8 @@ struct BorderRefineArrays {
 
 namespace trajopt::linalg::inline TRAJOPT_ISA::group {
 
-// r = rhs - A x and max |r| per item and column; without x: max |rhs| alone. A job is a block of K's
-// rows, or the border's.
+// r = rhs - A x and max |r| per item and column; without x: max |rhs| alone. A job is a block of
+// K's rows, or the border's.
 struct BorderResidualWork {
   static constexpr const char* kName = "bordered residual";
   static constexpr int kMaxRanks = 256;

@@ -89,7 +89,8 @@ struct GatherGradient {
   static constexpr const char* kName = "gather gradient";
   static constexpr bool kPadded = false;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    gather_gradient(s.gradient, s.frames(), s.primal(), s.ring, i, s.node_gradient + i * s.primal());
+    gather_gradient(s.gradient, s.frames(), s.primal(), s.ring, i,
+                    s.node_gradient + i * s.primal());
   }
 };
 

@@ -12,7 +12,8 @@
 // In a ring the last block row is the border of the others: its diagonal is the corner, and what
 // couples it to its neighbours stands in the border, which has a row for every row of the chain:
 //
-//   border(0)  =  what would be lower(-1)        border(last - 1)  =  the transpose of lower(last - 1)
+//   border(0)  =  what would be lower(-1)        border(last - 1)  =  the transpose of lower(last -
+//   1)
 //
 // Only the entries shown are written: the zeros are there from the beginning.
 #pragma once

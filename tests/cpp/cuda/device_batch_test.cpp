@@ -2,6 +2,8 @@
 // same comparison without a GPU, with the same launches, is solver/batch_test.cpp.
 #include <gtest/gtest.h>
 
+#include <string>
+
 #include "solver/batch_cases.h"
 #include "trajopt/base/error.h"
 #include "trajopt/cuda/solver/executor.h"
@@ -47,6 +49,18 @@ TEST(DeviceBatch, FailuresStayWhereTheyAre) {
   EXPECT_EQ(ends[1].result.status, Status::numerical_failure);
   EXPECT_NE(ends[1].result.message.find("pivot"), std::string::npos) << ends[1].result.message;
   EXPECT_EQ(ends[2].result.status, Status::numerical_failure);
+  test::expect_as_alone(batch, ends, make);
+}
+
+// The same where the ring is closed.
+TEST(DeviceBatch, SingularBorder) {
+  const auto make = [](int k) {
+    return k == 1 ? test::make_ring_without_minimum() : test::make_ring_member(k);
+  };
+  Batch batch(3, make);
+  const auto ends = solve_funnels(batch.items(), cuda::make_executor, {});
+  const std::string& message = ends[1].result.message;
+  EXPECT_NE(message.find("of the border (block 5)"), std::string::npos) << message;
   test::expect_as_alone(batch, ends, make);
 }
 

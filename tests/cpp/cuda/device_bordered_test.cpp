@@ -177,8 +177,8 @@ void refine_columns(linalg::BorderedFactorization& factors, const System& s, con
   }
 }
 
-// Columns that converge at different speeds, and one with nothing to solve. With another border than
-// the one that was factored no step helps, and the first has to be taken back.
+// Columns that converge at different speeds, and one with nothing to solve. With another border
+// than the one that was factored no step helps, and the first has to be taken back.
 TEST(DeviceBordered, SameRefinement) {
   for (int border : {1, 9, 23}) {
     for (const auto& [regularization, factor] :

@@ -92,24 +92,6 @@ TEST(DeviceExecutor, AFunctionThatThrows) {
   }
 }
 
-// The pivot that fails is one of the border, where the ring is closed: said as on the processor.
-TEST(DeviceExecutor, SingularBorder) {
-  const auto make = [] {
-    test::Random random(1);
-    const test::Setup setup{.frames = 12, .periodic = true, .turn = 0.01};
-    const Model model = test::make_character();
-    Objective objective = test::every_term(model, setup.frames, random);
-    objective.local[0].weight.back() = -1e20;
-    return test::make_case(setup, model, objective, random);
-  };
-  FunnelOptions options;
-  options.ordering = Ordering::cyclic;
-  test::Case c = make();
-  const Result result = solve_funnel(*c.problem, options, c.state, {});
-  EXPECT_NE(result.message.find("of the border (block 5)"), std::string::npos) << result.message;
-  compare(make, options);
-}
-
 // Sums of three levels.
 TEST(DeviceExecutor, ManyFrames) {
   FunnelOptions options;

@@ -76,8 +76,9 @@ TEST_P(BorderedTest, SolvesLikeADenseSolver) {
                    system.border_signs.data(), 1e-3);
     std::vector<double> x = rhs;
     shifted.solve(x.data(), x.data() + rows);
-    const Refinement result = shifted.refine(system.k, system.f.data(), rhs.data(), rhs.data() + rows,
-                                             x.data(), x.data() + rows, 10, 1e-13);
+    const Refinement result =
+        shifted.refine(system.k, system.f.data(), rhs.data(), rhs.data() + rows, x.data(),
+                       x.data() + rows, 10, 1e-13);
     EXPECT_LT(result.residual, 1e-12);
     EXPECT_LT(test::relative_error(x, expected), 1e-9);
   }

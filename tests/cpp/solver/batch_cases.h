@@ -32,6 +32,16 @@ inline Case make_ring_member(int k) {
                    3 + k);
 }
 
+// One whose last two frames, the border, want to be infinitely far from a pose.
+inline Case make_ring_without_minimum() {
+  Random random(1);
+  const Setup setup{.frames = 12, .periodic = true, .turn = 0.01};
+  const Model model = make_character();
+  Objective objective = every_term(model, setup.frames, random);
+  objective.local[0].weight.back() = -1e20;
+  return make_case(setup, model, objective, random);
+}
+
 // Also of one shape, although their functions have different numbers of rows.
 inline Case make_function_member(int k) {
   Random random(3 + k);
@@ -51,8 +61,7 @@ struct Batch {
   std::vector<FunnelOptions> options;
   std::vector<State> starts;  // when items() was called
 
-  explicit Batch(int count, const std::function<Case(int)>& make = make_member)
-      : recorders(count) {
+  explicit Batch(int count, const std::function<Case(int)>& make = make_member) : recorders(count) {
     for (int k = 0; k < count; ++k) {
       cases.push_back(make(k));
       options.push_back(options_for(3 + 2 * k));

@@ -99,8 +99,8 @@ TEST(FramesExecutor, Ring) {
       options.funnel = 1e3;
       options.objective_tolerance = 1e-6;
       const test::Setup setup{.frames = 24, .uneven = uneven, .periodic = true, .turn = 0.02};
-      const auto records = compare([&] { return test::make_case(setup); }, options,
-                                   {RankOrder::reverse, 0}, 7);
+      const auto records =
+          compare([&] { return test::make_case(setup); }, options, {RankOrder::reverse, 0}, 7);
       EXPECT_GE(records.size(), 30u);
     }
   }

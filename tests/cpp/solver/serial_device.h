@@ -170,12 +170,8 @@ class SerialDevice::Solver {
   }
   void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
     if (ring_) {
-      const linalg::BorderRefineArrays arrays{rhs,
-                                              r_.data(),
-                                              saved_.data(),
-                                              norm_.data(),
-                                              states_.data(),
-                                              active_.data(),
+      const linalg::BorderRefineArrays arrays{rhs,          r_.data(),      saved_.data(),
+                                              norm_.data(), states_.data(), active_.data(),
                                               going_.data()};
       sequence_border_refine(run_, plan_, entries(), s_, b_, x, m, steps, tolerance, arrays);
       return;

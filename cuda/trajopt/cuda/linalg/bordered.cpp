@@ -112,8 +112,8 @@ void BorderedFactorization::enqueue_refine(const BlockTridiagonal& k, const doub
     throw ArgumentError("enqueue_refine: " + std::to_string(m) + " columns, reserved are " +
                         std::to_string(refine_columns_));
   }
-  const linalg::BorderRefineArrays arrays{rhs,           residual_.data(), saved_.data(),
-                                          norm_.data(),  states_.data(),   active_.data(),
+  const linalg::BorderRefineArrays arrays{rhs,          residual_.data(), saved_.data(),
+                                          norm_.data(), states_.data(),   active_.data(),
                                           going_.data()};
   launch_border_refine(inner_.plan(), inner_.entries(), inner_.system_of(k), system_, x, m,
                        max_steps, tolerance, arrays, stream);

@@ -162,8 +162,7 @@ class CudaDevice::Solver {
   long rows() const { return matrix_.rows(); }
   void set_zero(double* values, std::size_t count) const {
     if (count == 0) return;
-    TRAJOPT_CUDA_CHECK(
-        cudaMemsetAsync(values, 0, count * sizeof(double), device_.stream().get()));
+    TRAJOPT_CUDA_CHECK(cudaMemsetAsync(values, 0, count * sizeof(double), device_.stream().get()));
   }
   DeviceBuffer<signed char> repeated(const std::vector<signed char>& signs, int batch) const {
     std::vector<signed char> all;
@@ -177,7 +176,7 @@ class CudaDevice::Solver {
   CudaDevice device_;
   const int chain_;  // blocks, without the border
   BlockTridiagonal matrix_;
-  std::optional<Factorization> open_;          // one of the two
+  std::optional<Factorization> open_;  // one of the two
   std::optional<BorderedFactorization> ring_;
   DeviceBuffer<double> border_, corner_;
   const std::vector<signed char> host_signs_, host_border_signs_;
