@@ -20,7 +20,6 @@ SAME = (
 )
 
 
-
 def assert_same(problem, **options):
     options |= {"ordering": "cyclic"}
     cpu = trajopt.solve(problem, device="cpu", **options)
