@@ -12,8 +12,10 @@ namespace trajopt::linalg {
 class BorderedFactorization {
  public:
   // Allocates everything factor(), solve() and refine() need.
+  //   reach    E is zero but in so many blocks at either end of K, at most half of them; 0: it may
+  //            be anything anywhere
   BorderedFactorization(int blocks, int size, int border, Ordering ordering = Ordering::automatic,
-                        int chunks = 2, Isa isa = Isa::avx512);
+                        int chunks = 2, Isa isa = Isa::avx512, int reach = 0);
 
   // e: rows x border, f: border x border (lower triangle read), both row-major. The signs are
   // those of K's rows and of the border's; nullptr: all +1. In a FactorizationError the border
@@ -43,11 +45,14 @@ class BorderedFactorization {
 
  private:
   long rows() const { return static_cast<long>(inner_.blocks()) * inner_.size(); }
+  // body(first, count) for the rows of E that may not be zero, the last ones first.
+  template <class Body>
+  void for_rows(const Body& body) const;
   Pivot factor_border(const double* e, const double* f, const signed char* border_signs,
                       double regularization, int threads);
 
   Factorization inner_;
-  int border_;
+  int border_, reach_;
   long columns_;  // border, padded to whole vectors
   long ld_;       // of the factors of S
   const BlockKernels* kernels_;

@@ -1,8 +1,9 @@
 // The launches that a border of dense unknowns adds, as BorderedFactorization: the Schur complement
 // S = F - Et K^-1 E, its elimination, and the border's part of a solution.
 //
-// Et Z and Et z are one chain per element over all rows of K: the definition leaves a device only
-// the border's own columns to divide, so their floor is the latency of a chain of n B operations.
+// Et Z and Et z are one chain per element over all rows of E that may not be zero: the definition
+// leaves a device only the border's own columns to divide, so their floor is the latency of a chain
+// of as many operations.
 #pragma once
 
 #include "trajopt/linalg/group_work.h"
@@ -12,6 +13,7 @@ namespace trajopt::linalg {
 struct GroupBorder {
   int border = 0;
   long rows = 0;                           // of K
+  long reached = 0;                        // E is zero but in so many at either end; or all rows
   long ld = 0;                             // of schur and unscaled
   const double* e = nullptr;               // (batch, rows, border)
   const double* f = nullptr;               // (batch, border, border), lower triangle
@@ -36,6 +38,10 @@ struct GroupBorder {
   TRAJOPT_HD double* inverse_of(int item) const {
     return inverse + static_cast<long>(item) * border;
   }
+  // The rows of E that may not be zero, in one or two parts of `reached`: where each begins, the
+  // last one first.
+  TRAJOPT_HD int parts() const { return reached < rows ? 2 : 1; }
+  TRAJOPT_HD long part(int index) const { return index + 1 < parts() ? rows - reached : 0; }
   // Vectors are (batch, rows + border, m): the border's unknowns stand behind K's.
   TRAJOPT_HD long stride(int m) const { return (rows + border) * m; }
 };
@@ -87,15 +93,20 @@ struct BorderUpdateWork {
     if (item < 0 || column > row || s.failed_stage[item] != GroupSystem::kNever) return;
     Update u;
     u.size = b.border;
-    u.depth = b.rows;
+    u.depth = b.reached;
     u.ld = b.border;
     u.source = b.f_of(item);
     u.source_ld = b.border;
     u.target = b.schur_of(item);
     u.target_ld = b.ld;
     u.lower = true;
-    u.terms = 1;
-    u.term[0] = {b.e_of(item), b.z_of(item)};
+    u.terms = b.parts();
+    TRAJOPT_UNROLL
+    for (int t = 0; t < 2; ++t) {
+      if (t == u.terms) break;
+      const long begin = b.part(t) * b.border;
+      u.term[t] = {b.e_of(item) + begin, b.z_of(item) + begin};
+    }
     update_tile(group, u, row, column, space);
   }
 };
@@ -164,16 +175,18 @@ struct BorderSolveWork {
     double* e = corner + kPanel * kPanel;
     double* of_z = e + static_cast<long>(kDepth) * n;
     copy_columns(group, n, y, m, x, columns, columns);
-    for (long last = b.rows; last > 0; last -= kDepth) {
-      const int depth = last < kDepth ? static_cast<int>(last) : kDepth;
-      const long first = last - depth;
-      group.phase([&](int rank) {
-        for (int t = rank; t < depth * n; t += group.size()) e[t] = all[first * n + t];
-        for (int t = rank; t < depth * columns; t += group.size()) {
-          of_z[t] = z[(first + t / columns) * m + t % columns];
-        }
-      });
-      subtract_transposed(group, depth, n, e, n, of_z, x, columns, columns, columns);
+    for (int p = 0; p < b.parts(); ++p) {
+      for (long left = b.reached; left > 0; left -= kDepth) {
+        const int depth = left < kDepth ? static_cast<int>(left) : kDepth;
+        const long first = b.part(p) + left - depth;
+        group.phase([&](int rank) {
+          for (int t = rank; t < depth * n; t += group.size()) e[t] = all[first * n + t];
+          for (int t = rank; t < depth * columns; t += group.size()) {
+            of_z[t] = z[(first + t / columns) * m + t % columns];
+          }
+        });
+        subtract_transposed(group, depth, n, e, n, of_z, x, columns, columns, columns);
+      }
     }
     substitute_transposed(group, n, w, b.ld, x, columns, columns, corner);
     for_each(group, n * columns, [&](int t) { x[t] *= inverse[t / columns]; });

@@ -82,17 +82,21 @@ struct BorderResidualWork {
       subtract_transposed(group, n, n, s.lower_of(job.item, i), n, x(i + 1), space.x, columns, v.m,
                           columns);
     }
-    const double* e = b.e_of(job.item) + static_cast<long>(i) * n * b.border;
-    subtract(group, n, b.border, e, b.border, x(s.blocks), space.x, columns, v.m, columns,
-             space.operations);
+    const long row = static_cast<long>(i) * n;
+    if (row >= b.reached && row < b.rows - b.reached) return;  // E is zero there
+    subtract(group, n, b.border, b.e_of(job.item) + row * b.border, b.border, x(s.blocks), space.x,
+             columns, v.m, columns, space.operations);
   }
 
   template <class Group>
   TRAJOPT_HD void subtract_border_row(const Group& group, const VectorJob& job,
                                       const VectorSpace& space) const {
-    const int n = b.border, columns = job.columns, rows = static_cast<int>(b.rows);
-    subtract_transposed(group, rows, n, b.e_of(job.item), n, job.part(s, v.x, 0, v.m), space.x,
-                        columns, v.m, columns);
+    const int n = b.border, columns = job.columns;
+    for (int p = 0; p < b.parts(); ++p) {
+      const long first = b.part(p);
+      subtract_transposed(group, static_cast<int>(b.reached), n, b.e_of(job.item) + first * n, n,
+                          job.part(s, v.x, 0, v.m) + first * v.m, space.x, columns, v.m, columns);
+    }
     subtract_symmetric(group, n, b.f_of(job.item), n, job.part(s, v.x, s.blocks, v.m), space.x,
                        columns, v.m, columns, space.operations);
   }

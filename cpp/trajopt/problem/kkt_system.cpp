@@ -26,8 +26,8 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
   for (int node = 0; node < nodes_; ++node)
     std::fill_n(signs_.begin() + offset(node), dual_, static_cast<signed char>(-1));
   if (ring_) {
-    bordered_ =
-        std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering);
+    bordered_ = std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering,
+                                                                2, Isa::avx512, kRingReach);
     border_.resize(static_cast<std::size_t>(blocks_ - 1) * size_ * size_);
     corner_.resize(static_cast<std::size_t>(size_) * size_);
   } else {

@@ -22,6 +22,7 @@ namespace trajopt {
 class KktSystem {
  public:
   static constexpr int kRefinements = 2;
+  static constexpr int kRingReach = 1;  // a ring's last block meets its two neighbours only
   // Of the residual relative to the right-hand side: what the epsilon on the multipliers' diagonal
   // may leave. Rounding leaves 1e-12 to 1e-13, more of it the smaller the right-hand side is beside
   // the step; a tolerance below that is paid for with sweeps that improve nothing.

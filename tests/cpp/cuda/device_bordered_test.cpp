@@ -45,11 +45,18 @@ struct System {
       for (int j = i + 1; j < border; ++j) f[i * border + j] = std::nan("");
     }
   }
+  // Zeros but in so many blocks at either end of K.
+  void limit(int reach) {
+    for (long i = static_cast<long>(reach) * k.size(); i < k.rows() - reach * k.size(); ++i)
+      std::fill_n(e.data() + i * border(), border(), 0.0);
+  }
   int border() const { return static_cast<int>(border_signs.size()); }
   long rows() const { return k.rows() + border(); }
 
-  linalg::BorderedFactorization factored(Ordering ordering, double regularization) const {
-    linalg::BorderedFactorization factors(k.blocks(), k.size(), border(), ordering, 3);
+  linalg::BorderedFactorization factored(Ordering ordering, double regularization,
+                                         int reach = 0) const {
+    linalg::BorderedFactorization factors(k.blocks(), k.size(), border(), ordering, 3, Isa::avx512,
+                                          reach);
     factors.factor(k, e.data(), f.data(), signs.data(), border_signs.data(), regularization);
     return factors;
   }
@@ -210,6 +217,29 @@ TEST(DeviceBordered, SameRefinement) {
   }
 }
 
+// The border of a ring, whose other couplings are known to be zero.
+TEST(DeviceBordered, SameBitsOfALimitedReach) {
+  const int m = 2;
+  for (int reach : {1, 2}) {
+    for (int size : {5, 40}) {
+      System system(6, size, size);
+      system.limit(reach);
+      OnDevice device(system);
+      linalg::BorderedFactorization cpu = system.factored(Ordering::cyclic, 0.3, reach);
+      cuda::BorderedFactorization gpu(6, size, size, Ordering::cyclic, 2, 1, reach);
+      device.factor(gpu, 0.3);
+      const Values rhs = random_vector(system.rows() * m, 6);
+      Values expected = rhs, actual = rhs;
+      cpu.solve(expected.data(), expected.data() + system.k.rows() * m, m);
+      device.solve(gpu, actual, m);
+      ASSERT_TRUE(same(actual, expected)) << reach << " " << size;
+      refine_columns(cpu, system, rhs.data(), expected.data(), m, 4, 0.0);
+      device.refine(gpu, rhs, actual, m, 4, 0.0);
+      ASSERT_TRUE(same(actual, expected)) << reach << " " << size;
+    }
+  }
+}
+
 // Items that are not listed keep their factors and their vectors.
 TEST(DeviceBordered, SomeOfABatch) {
   const int border = 7, m = 2;
@@ -291,6 +321,7 @@ TEST(DeviceBordered, NamesTheProblemOfABatch) {
 
 TEST(DeviceBordered, Arguments) {
   EXPECT_THROW(cuda::BorderedFactorization(3, 3, 0), ArgumentError);
+  EXPECT_THROW(cuda::BorderedFactorization(3, 3, 3, Ordering::cyclic, 2, 1, 2), ArgumentError);
   EXPECT_THROW(cuda::BorderedFactorization(3, 3, 100000), DeviceError);
 }
 

@@ -191,6 +191,7 @@ class SerialDevice::Solver {
   void make_border(int size) {
     b_.border = size;
     b_.rows = matrix_.rows();
+    b_.reached = static_cast<long>(KktSystem::kRingReach) * size;
     b_.ld = linalg::group_ld(size);
     border_.resize(batch_ * b_.rows * size);
     corner_.resize(static_cast<std::size_t>(batch_) * size * size);

@@ -12,10 +12,15 @@ namespace trajopt::cuda {
 using linalg::GroupFailure;
 
 BorderedFactorization::BorderedFactorization(int blocks, int size, int border,
-                                             linalg::Ordering ordering, int chunks, int batch)
+                                             linalg::Ordering ordering, int chunks, int batch,
+                                             int reach)
     : inner_(blocks, size, ordering, chunks, batch) {
   if (border < 1) {
     throw ArgumentError("a border needs at least one unknown, not " + std::to_string(border));
+  }
+  if (reach < 0 || 2 * reach > blocks) {
+    throw ArgumentError("a border's reach is at most half of " + std::to_string(blocks) +
+                        " blocks, not " + std::to_string(reach));
   }
   const DeviceInfo device = current_device();
   const std::size_t needed = border_shared_memory(size, border);
@@ -26,6 +31,7 @@ BorderedFactorization::BorderedFactorization(int blocks, int size, int border,
   }
   system_.border = border;
   system_.rows = static_cast<long>(blocks) * size;
+  system_.reached = reach > 0 ? static_cast<long>(reach) * size : system_.rows;
   system_.ld = linalg::group_ld(border);
   const std::size_t items = batch, block = system_.block_length();
   z_ = DeviceBuffer<double>(items * system_.rows * border);

@@ -10,9 +10,10 @@ namespace trajopt::cuda {
 
 class BorderedFactorization {
  public:
+  // reach: as of linalg::BorderedFactorization.
   BorderedFactorization(int blocks, int size, int border,
                         linalg::Ordering ordering = linalg::Ordering::automatic, int chunks = 2,
-                        int batch = 1);
+                        int batch = 1, int reach = 0);
 
   // In device memory. e: (batch, rows, border), f: (batch, border, border), its lower triangle,
   // both row-major and needed again; signs: (batch, rows), border_signs: (batch, border).

@@ -108,7 +108,7 @@ class CudaDevice::Solver {
     set_zero(matrix_.diagonal(), square * chain_);
     set_zero(matrix_.lower(), square * (chain_ - 1));
     if (ring) {
-      ring_.emplace(chain_, size, size, ordering, 2, batch);
+      ring_.emplace(chain_, size, size, ordering, 2, batch, KktSystem::kRingReach);
       border_ = DeviceBuffer<double>(square * chain_);
       corner_ = DeviceBuffer<double>(square);
       border_.set_zero(stream);
