@@ -13,7 +13,7 @@ namespace trajopt::linalg {
 struct GroupBorder {
   int border = 0;
   long rows = 0;                           // of K
-  long reached = 0;                        // E is zero but in so many at either end; or all rows
+  long reached = 0;                        // first and last rows of E that may not be zero; or all
   long ld = 0;                             // of schur and unscaled
   const double* e = nullptr;               // (batch, rows, border)
   const double* f = nullptr;               // (batch, border, border), lower triangle
