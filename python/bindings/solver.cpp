@@ -102,6 +102,8 @@ py::dict time_requests(const std::vector<BatchMember>& members, const std::strin
         Stopwatch watch;
         if (together) {
           together->answer(request.kind, all, requests, answers);
+          for (const Answer& a : answers)
+            if (a.error) std::rethrow_exception(a.error);
         } else {
           for (const auto& executor : each) executor->answer(request);
         }

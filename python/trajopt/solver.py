@@ -49,9 +49,8 @@ def solve(
         ``paper``: Pan's Algorithm 1 on his version of the problem (Hermite spline, implicit
         integrator, undamped contact with w_t = w_n), in his three passes of stiffness.
     device : {"auto", "cpu", "cuda"}
-        Where to run. ``"cuda"`` is for the default method on problems that are not periodic,
-        without terms that are functions of the user; ``"auto"`` is the CPU. For one `ordering`
-        other than ``"auto"`` both are written to give the same bits (so far tested by emulation
+        Where to run. ``"cuda"`` is for the default method; ``"auto"`` is the CPU. For one
+        `ordering` that both know they are written to give the same bits (so far tested by emulation
         only).
     callback : callable, optional
         Called with an `IterationRecord` after each iteration; returning True stops the solve.

@@ -7,7 +7,7 @@ import pytest
 
 import trajopt
 from trajopt import _core
-from trajopt.objectives import CenterOfMassVelocity, Residual, regularizers
+from trajopt.objectives import CenterOfMassVelocity, regularizers
 
 CHAIN = trajopt.load_model("chain")
 
@@ -53,18 +53,9 @@ def test_auto_is_the_cpu(monkeypatch):
     ("changes", "what"),
     [
         ({"formulation": "spline", "frames_per_knot": 5}, "the spline formulation"),
-        ({"periodic": True}, "a periodic problem"),
     ],
 )
 def test_what_a_gpu_cannot_do_yet(monkeypatch, changes, what):
     pretend(monkeypatch, "")
     expected = "built without CUDA" if _core.cuda_build() is None else f"does not support {what}"
     assert expected in refusal(make(**changes))
-
-
-def test_a_users_function_stays_on_the_host(monkeypatch):
-    pytest.importorskip("casadi")
-    pretend(monkeypatch, "")
-    problem = make().add(Residual(lambda _x2, _x1, x: x[6], name="bent joint"))
-    expected = "built without CUDA" if _core.cuda_build() is None else "term 'bent joint', which"
-    assert expected in refusal(problem)

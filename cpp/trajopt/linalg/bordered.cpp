@@ -4,20 +4,26 @@
 #include <string>
 
 #include "trajopt/base/error.h"
+#include "trajopt/base/group.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/linalg/pivot_error.h"
 
 namespace trajopt::linalg {
 
 BorderedFactorization::BorderedFactorization(int blocks, int size, int border, Ordering ordering,
-                                             int chunks, Isa isa)
+                                             int chunks, Isa isa, int reach)
     : inner_(blocks, size, ordering, chunks, 1, isa),
       border_(border),
+      reach_(reach),
       columns_((border + 7) / 8 * 8),
       ld_(padded(border)),
       kernels_(&block_kernels(isa)) {
   if (border < 1) {
     throw ArgumentError("a border needs at least one unknown, not " + std::to_string(border));
+  }
+  if (reach < 0 || 2 * reach > blocks) {
+    throw ArgumentError("a border's reach is at most half of " + std::to_string(blocks) +
+                        " blocks, not " + std::to_string(reach));
   }
   e_ = BlockBuffer(rows() * columns_);
   z_ = BlockBuffer(rows() * columns_);
@@ -30,6 +36,13 @@ BorderedFactorization::BorderedFactorization(int blocks, int size, int border, O
   saved_ = BlockBuffer(rows() + border);
 }
 
+template <class Body>
+void BorderedFactorization::for_rows(const Body& body) const {
+  const long all = rows(), reached = reach_ > 0 ? static_cast<long>(reach_) * size() : all;
+  if (reached < all) body(all - reached, static_cast<int>(reached));
+  body(0, static_cast<int>(reached));
+}
+
 void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const double* e,
                                    const double* f, const signed char* signs,
                                    const signed char* border_signs, double regularization,
@@ -39,7 +52,7 @@ void BorderedFactorization::factor(const SymmetricBlockTridiagonal& k, const dou
   const Pivot pivot = factor_border(e, f, border_signs, regularization, threads);
   if (!factored_) {
     const bool positive = !border_signs || border_signs[pivot.row] > 0;
-    throw border_pivot_error(blocks(), pivot.row, pivot.value, positive, regularization);
+    throw border_pivot_error(-1, blocks(), pivot.row, pivot.value, positive, regularization);
   }
 }
 
@@ -64,8 +77,13 @@ Pivot BorderedFactorization::factor_border(const double* e, const double* f,
   std::copy_n(f, f_.size(), f_.data());
   std::copy_n(e_.data(), e_.size(), z_.data());
   inner_.solve(z_.data(), static_cast<int>(columns_), threads);
-  kernels_->update(border_, border_, static_cast<int>(rows()), f_.data(), border_, schur_.data(),
-                   ld_, e_.data(), columns_, z_.data(), columns_, true);
+  const double* source = f_.data();
+  for_rows([&](long first, int count) {
+    const long at = first * columns_;
+    kernels_->update(border_, border_, count, source, source == f_.data() ? border_ : ld_,
+                     schur_.data(), ld_, e_.data() + at, columns_, z_.data() + at, columns_, true);
+    source = schur_.data();
+  });
   Elimination s;
   s.size = border_;
   s.ld = ld_;
@@ -90,8 +108,10 @@ void BorderedFactorization::solve(double* z, double* y, int m, int threads) cons
   if (!factored_) throw ArgumentError("solve: there is no factorization, factor() has to succeed");
   if (m < 1) return;
   inner_.solve(z, m, threads);
-  kernels_->subtract_transposed(static_cast<int>(rows()), border_, e_.data(), columns_, z, y, m, m,
-                                m, 0);
+  for_rows([&](long first, int count) {
+    kernels_->subtract_transposed(count, border_, e_.data() + first * columns_, columns_,
+                                  z + first * m, y, m, m, m, 0);
+  });
   kernels_->substitute_transposed(border_, packed_.data(), y, m, m, 0);
   for (int i = 0; i < border_; ++i) {
     for (int j = 0; j < m; ++j) y[static_cast<long>(i) * m + j] *= inverse_.data()[i];
@@ -103,26 +123,30 @@ void BorderedFactorization::solve(double* z, double* y, int m, int threads) cons
   });
 }
 
-Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, const double* rhs_z,
-                                         const double* rhs_y, double* z, double* y, int max_steps,
-                                         double tolerance, int threads) {
+Refinement BorderedFactorization::refine(const SymmetricBlockTridiagonal& k, const double* f,
+                                         const double* rhs_z, const double* rhs_y, double* z,
+                                         double* y, int max_steps, double tolerance, int threads) {
+  std::copy_n(f, f_.size(), f_.data());  // the kernels read beyond the last row
   double* r_z = residual_.data();
   double* r_y = r_z + rows();
   double* saved_z = saved_.data();
   double* saved_y = saved_z + rows();
-  const double size =
-      std::max(largest_magnitude(rhs_z, rows(), 1, 1), largest_magnitude(rhs_y, border_, 1, 1));
+  const auto norm = [&](const double* of_z, const double* of_y) {
+    return largest(largest_magnitude(of_z, rows(), 1, 1), largest_magnitude(of_y, border_, 1, 1));
+  };
+  const double size = norm(rhs_z, rhs_y);
   const double scale = size > 0.0 ? size : 1.0;
   const auto evaluate = [&] {
-    const int all = static_cast<int>(rows());
     std::copy_n(rhs_z, rows(), r_z);
     std::copy_n(rhs_y, border_, r_y);
     k.subtract_product(0, z, r_z, 1, 1, 1, threads);
-    kernels_->subtract(all, border_, e_.data(), columns_, y, r_z, 1, 1, 1, 0);
-    kernels_->subtract_transposed(all, border_, e_.data(), columns_, z, r_y, 1, 1, 1, 0);
+    for_rows([&](long first, int count) {
+      const double* e = e_.data() + first * columns_;
+      kernels_->subtract(count, border_, e, columns_, y, r_z + first, 1, 1, 1, 0);
+      kernels_->subtract_transposed(count, border_, e, columns_, z + first, r_y, 1, 1, 1, 0);
+    });
     kernels_->subtract_symmetric(border_, f_.data(), border_, y, r_y, 1, 1, 1, 0);
-    return std::max(largest_magnitude(r_z, rows(), 1, 1), largest_magnitude(r_y, border_, 1, 1)) /
-           scale;
+    return norm(r_z, r_y) / scale;
   };
   const auto correct = [&] {
     solve(r_z, r_y, 1, threads);

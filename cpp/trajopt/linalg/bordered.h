@@ -12,8 +12,10 @@ namespace trajopt::linalg {
 class BorderedFactorization {
  public:
   // Allocates everything factor(), solve() and refine() need.
+  //   reach    E is zero but in so many blocks at either end of K, at most half of them; 0: it may
+  //            be anything anywhere
   BorderedFactorization(int blocks, int size, int border, Ordering ordering = Ordering::automatic,
-                        int chunks = 2, Isa isa = Isa::avx512);
+                        int chunks = 2, Isa isa = Isa::avx512, int reach = 0);
 
   // e: rows x border, f: border x border (lower triangle read), both row-major. The signs are
   // those of K's rows and of the border's; nullptr: all +1. In a FactorizationError the border
@@ -31,10 +33,11 @@ class BorderedFactorization {
   // Solves in place: z is rows x m, y is border x m, row-major.
   void solve(double* z, double* y, int m = 1, int threads = 1) const;
 
-  // As Factorization::refine, for one right-hand side (f_z, f_y) and its solution (z, y). The e and
-  // f passed to factor() are used again and must still be the same.
-  Refinement refine(const SymmetricBlockTridiagonal& k, const double* rhs_z, const double* rhs_y,
-                    double* z, double* y, int max_steps, double tolerance, int threads = 1);
+  // As Factorization::refine, for one right-hand side (rhs_z, rhs_y) and its solution (z, y), with
+  // the e passed to factor(). Overwrites its copy of the f passed there.
+  Refinement refine(const SymmetricBlockTridiagonal& k, const double* f, const double* rhs_z,
+                    const double* rhs_y, double* z, double* y, int max_steps, double tolerance,
+                    int threads = 1);
 
   int blocks() const { return inner_.blocks(); }
   int size() const { return inner_.size(); }
@@ -42,11 +45,14 @@ class BorderedFactorization {
 
  private:
   long rows() const { return static_cast<long>(inner_.blocks()) * inner_.size(); }
+  // body(first, count) for the rows of E that may not be zero, the last ones first.
+  template <class Body>
+  void for_rows(const Body& body) const;
   Pivot factor_border(const double* e, const double* f, const signed char* border_signs,
                       double regularization, int threads);
 
   Factorization inner_;
-  int border_;
+  int border_, reach_;
   long columns_;  // border, padded to whole vectors
   long ld_;       // of the factors of S
   const BlockKernels* kernels_;

@@ -6,14 +6,16 @@
 
 namespace trajopt::linalg::inline TRAJOPT_ISA::group {
 
-// A chunk of columns' part of max |.|: reduced in the group, then among the groups.
+// A chunk of columns' part of max |.|: reduced in the group, then among the groups. Every
+// `stride`-th of the values counts.
 template <class Group>
 TRAJOPT_HD inline void raise_norm(const Group& group, const double* values, int count,
-                                  double* peaks, double* norm) {
+                                  double* peaks, double* norm, int stride = 1) {
   group.phase([&](int rank) {
     double most = 0.0;
     for (int i = rank; i < count; i += group.size()) {
-      most = largest(most, values[i] < 0.0 ? -values[i] : values[i]);
+      const double value = values[i * stride];
+      most = largest(most, value < 0.0 ? -value : value);
     }
     peaks[rank] = most;
   });
@@ -101,31 +103,34 @@ struct DecideWork {
       const long place = job * kMaxRanks + at;
       const int item = place < lanes() ? s.item_at(static_cast<int>(place / chunks)) : -1;
       if (item < 0) return;
-      const long lane = static_cast<long>(item) * chunks + place % chunks;
-      GroupRefinement& state = states[lane];
-      const double measured = norm[lane];
-      norm[lane] = 0.0;
-      if (when == When::scale) {
-        state = {0.0, measured > 0.0 ? measured : 1.0, 0, false};
-        active[lane] = 1;
-      } else if (when == When::start) {
-        state.residual = measured / state.scale;
-        active[lane] = goes_on(state);
-      } else if (active[lane]) {
-        const double residual = measured / state.scale;
-        state.undo = !(residual < 2.0 * state.residual);
-        if (state.undo) {
-          active[lane] = 0;
-          return;
-        }
-        const bool halved = residual <= 0.5 * state.residual;
-        state.residual = residual;
-        ++state.steps;
-        active[lane] = halved && goes_on(state);
-      } else {
-        state.undo = false;
-      }
+      decide(static_cast<long>(item) * chunks + place % chunks);
     });
+  }
+
+  TRAJOPT_HD void decide(long lane) const {
+    GroupRefinement& state = states[lane];
+    const double measured = norm[lane];
+    norm[lane] = 0.0;
+    if (when == When::scale) {
+      state = {0.0, measured > 0.0 ? measured : 1.0, 0, false};
+      active[lane] = 1;
+    } else if (when == When::start) {
+      state.residual = measured / state.scale;
+      active[lane] = goes_on(state);
+    } else if (active[lane]) {
+      const double residual = measured / state.scale;
+      state.undo = !(residual < 2.0 * state.residual);
+      if (state.undo) {
+        active[lane] = 0;
+        return;
+      }
+      const bool halved = residual <= 0.5 * state.residual;
+      state.residual = residual;
+      ++state.steps;
+      active[lane] = halved && goes_on(state);
+    } else {
+      state.undo = false;
+    }
   }
 
   TRAJOPT_HD bool goes_on(const GroupRefinement& state) const {

@@ -82,6 +82,7 @@ struct GroupVectors {
   double* x = nullptr;
   int m = 1;
   const int* active = nullptr;
+  long stride = 0;  // from item to item, where something stands between; 0: nothing does
 };
 
 // State of the refinement of some columns of one item: refine_loop() turned inside out.

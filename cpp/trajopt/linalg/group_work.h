@@ -132,6 +132,7 @@ struct UpdateWork {
 // A job of the solution: a block of an item, and up to kGroupColumns of its columns.
 struct VectorJob {
   int entry, item, chunk, columns;
+  long stride;
   bool skipped;
   TRAJOPT_HD VectorJob(long job, int count, const GroupSystem& s, const GroupVectors& v) {
     const int chunks = column_chunks(v.m);
@@ -141,12 +142,13 @@ struct VectorJob {
     entry = static_cast<int>(job % count);
     const int left = v.m - chunk * kGroupColumns;
     columns = left < kGroupColumns ? left : kGroupColumns;
+    stride = v.stride > 0 ? v.stride : static_cast<long>(s.blocks) * s.size * v.m;
     skipped = item < 0;
     if (!skipped && v.active) skipped = !v.active[static_cast<long>(item) * chunks + chunk];
   }
   // The block's part of (batch, blocks * size, m).
   TRAJOPT_HD double* part(const GroupSystem& s, double* x, int block, int m) const {
-    return x + (static_cast<long>(item) * s.blocks + block) * s.size * m + chunk * kGroupColumns;
+    return x + item * stride + static_cast<long>(block) * s.size * m + chunk * kGroupColumns;
   }
 };
 

@@ -31,12 +31,15 @@ inline FactorizationError pivot_error(int item, int block, int row, double value
 }
 
 // The border counts as the block behind the last.
-inline FactorizationError border_pivot_error(int blocks, int row, double value, bool positive,
-                                             double regularization) {
-  char text[200];
+inline FactorizationError border_pivot_error(int item, int blocks, int row, double value,
+                                             bool positive, double regularization) {
+  char text[256];
+  char where[48] = "";
+  if (item >= 0) std::snprintf(where, sizeof where, " of problem %d", item);
   std::snprintf(text, sizeof text,
-                "pivot %d of the border (block %d) is %g: expected a %s one (regularization %g)",
-                row, blocks, printed(value), positive ? "positive" : "negative", regularization);
+                "pivot %d of the border (block %d)%s is %g: expected a %s one (regularization %g)",
+                row, blocks, where, printed(value), positive ? "positive" : "negative",
+                regularization);
   return FactorizationError(text, blocks, row);
 }
 

@@ -9,25 +9,30 @@ namespace trajopt::inline TRAJOPT_ISA {
 // What a point is judged by: the sum of each term, then the largest constraint of a frame and, of a
 // spline, the largest of a control point. Nodes are no more than frames: what they lack is zero.
 struct PointItems {
-  const double *cost, *local_cost, *frame_constraint, *constraint;
-  int nterm, nlocal, m, dual;
+  const double *cost, *local_cost, *callback_cost, *frame_constraint, *constraint;
+  int nterm, nlocal, ncallback, m, dual;
   long frames, nodes;
 
   TRAJOPT_HD PointItems(const FramesSystem& s, bool tried)
       : cost(s.cost),
         local_cost(s.local_cost),
+        callback_cost(s.callback_cost),
         frame_constraint(s.point(tried).frame_constraint),
         constraint(s.point(tried).constraint),
         nterm(s.in.nterm),
         nlocal(s.nlocal),
+        ncallback(s.ncallback),
         m(s.constraints()),
         dual(s.dual()),
         frames(s.frames()),
         nodes(s.nodes()) {}
   TRAJOPT_HD double operator()(int fold, long f) const {
     if (fold < nterm) return cost[f * nterm + fold];
-    if (fold < nterm + nlocal) return local_cost[(fold - nterm) * frames + f];
-    if (fold == nterm + nlocal) return most(frame_constraint + f * m, m);
+    fold -= nterm;
+    if (fold < nlocal) return local_cost[fold * frames + f];
+    fold -= nlocal;
+    if (fold < ncallback) return callback_cost[fold * frames + f];
+    if (fold == ncallback) return most(frame_constraint + f * m, m);
     return f < nodes ? most(constraint + f * dual, dual) : 0.0;
   }
   TRAJOPT_HD static double most(const double* values, int count) {

@@ -16,7 +16,8 @@ struct Controls {
   int from, to;               // trials: one that is corrected, and the one at hand
 };
 
-// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all.
+// A point of the search space and what was found there. Frames x_{-1}, x_0 are the same for all,
+// but for those of a ring.
 struct FramesPoint {
   double* frames;            // (N + 2) x nq
   double* knots;             // of a spline: its state, Z x nq and Z x D
@@ -25,13 +26,24 @@ struct FramesPoint {
   double* frame_constraint;  // N x m; of the frames formulation the same as `constraint`
 };
 
+// A term that is a function on the host. Its residuals, N x rows, begin at `first` among those of
+// its problem.
+struct CallbackTerm {
+  long first;
+  int rows;
+  double weight;
+};
+
 // What the launches work on of one problem: plain pointers into the executor's memory.
 struct FramesSystem {
   long frame_count;
   FrameInput in;  // its frames are those of the current point
   const LocalTerm* local;
-  int nlocal;
+  const CallbackTerm* callback;
+  int nlocal, ncallback;
   double smoothing, epsilon;
+  bool ring;
+  double stride[3];
   const Controls* controls;
   SplineView spline;       // without segments: every frame is a node
   double* rotations;       // of the spline, which points to them
@@ -39,9 +51,10 @@ struct FramesSystem {
   FramesPoint current, trial[2];
   double *hessian, *gradient, *jacobian;   // as FrameOutput
   double *torque, *cost;                   // N x nu, N x nterm
-  double* local_cost;                      // nlocal x N
+  double *local_cost, *callback_cost;      // nlocal x N, ncallback x N
   double *frame_gradient, *node_gradient;  // N x D, nodes x primal; frames are nodes: the same
-  double *diagonal, *lower;                // of the KKT matrix
+  double *diagonal, *lower;                // of the KKT matrix, a ring's without its last block row
+  double *border, *corner;                 // of a ring: that row
   double *rhs, *steps;                     // rows x 2
   double* correction;                      // rows
   double* items;                           // kStepItems x nodes
@@ -56,7 +69,10 @@ struct FramesSystem {
   TRAJOPT_HD int size() const { return 2 * (primal() + dual()); }
   TRAJOPT_HD long blocks() const { return (nodes() + 1) / 2; }
   TRAJOPT_HD long rows() const { return blocks() * size(); }
-  TRAJOPT_HD int terms() const { return in.nterm + nlocal; }
+  TRAJOPT_HD double* block(long g) const {
+    return ring && g + 1 == blocks() ? corner : diagonal + g * size() * size();
+  }
+  TRAJOPT_HD int terms() const { return in.nterm + nlocal + ncallback; }
   // The trial at hand, or the current point.
   TRAJOPT_HD const FramesPoint& point(bool tried) const {
     return tried ? trial[controls->to] : current;
@@ -67,7 +83,7 @@ struct FramesSystem {
     return {at.frames + nq, velocity, at.knots, at.knots + nodes() * nq};
   }
   TRAJOPT_HD StepRows step_rows() const {
-    return {static_cast<int>(nodes()), primal(), dual(), false, smoothing, node_gradient,
+    return {static_cast<int>(nodes()), primal(), dual(), ring, smoothing, node_gradient,
             current.constraint,        steps};
   }
 };

@@ -8,6 +8,7 @@
 #include "trajopt/problem/frame_body.h"
 #include "trajopt/problem/frames_system.h"
 #include "trajopt/problem/kkt_rows.h"
+#include "trajopt/problem/ring.h"
 #include "trajopt/problem/spline_rows.h"
 
 namespace trajopt::inline TRAJOPT_ISA {
@@ -96,7 +97,7 @@ struct GatherGradient {
   static constexpr const char* kName = "gather gradient";
   static constexpr Over kOver = Over::frames;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
-    gather_gradient(s.gradient, s.frames(), s.dofs(), false, i, s.frame_gradient + i * s.dofs());
+    gather_gradient(s.gradient, s.frames(), s.dofs(), s.ring, i, s.frame_gradient + i * s.dofs());
   }
 };
 
@@ -132,6 +133,10 @@ TRAJOPT_HD inline void retract_node(const FramesSystem& s, const FramesPoint& to
   }
   const long q = (i + 2) * s.in.model.nq;
   integrate_body(s.in.model, s.current.frames + q, to.step + i * s.primal(), to.frames + q);
+  if (s.ring && i + 2 >= s.frames()) {
+    double* before = to.frames + (i + 2 - s.frames()) * s.in.model.nq;
+    one_period_before(s.in.model, s.stride, to.frames + q, before);
+  }
 }
 
 struct ComposeStep {
@@ -178,7 +183,11 @@ struct AcceptTrial {
       accept_control_point(s.in.model, s.spline, from.knots, i, s.current.knots);
       return;
     }
-    for (long k = (i + 2) * nq; k < (i + 3) * nq; ++k) s.current.frames[k] = from.frames[k];
+    const auto accept = [&](long frame) {
+      for (long k = frame * nq; k < (frame + 1) * nq; ++k) s.current.frames[k] = from.frames[k];
+    };
+    accept(i + 2);
+    if (s.ring && i + 2 >= s.frames()) accept(i + 2 - s.frames());
   }
 };
 
@@ -201,10 +210,10 @@ struct AssembleWork {
     const FramesSystem& s = *system;
     const long g = job % b.blocks();
     const int d = s.primal(), m = s.dual(), n = static_cast<int>(s.nodes()), size = s.size();
-    const KktRows rows{n,         d,          m,          s.smoothing, s.controls->damping,
-                       s.hessian, s.jacobian, s.diagonal, s.lower};
+    const KktRows rows{n,         d,          m,          s.ring,  s.smoothing, s.controls->damping,
+                       s.hessian, s.jacobian, s.diagonal, s.lower, s.border,    s.corner};
     write_block_row(group, rows, g);
-    double* diagonal = s.diagonal + g * size * size;
+    double* diagonal = s.block(g);
     const bool padded = 2 * g + 1 == n;  // its second half is the identity
     for_each(group, size, [&](int r) {
       double* at = diagonal + static_cast<long>(r) * size + r;
@@ -220,7 +229,7 @@ struct RemoveEpsilon {
   static constexpr Over kOver = Over::nodes;
   TRAJOPT_HD void operator()(const FramesSystem& s, long i) const {
     const long size = s.size(), first = i % 2 * (size / 2);
-    double* block = s.diagonal + i / 2 * size * size;
+    double* block = s.block(i / 2);
     for (long k = first; k < first + s.dual(); ++k) block[k * size + k] = 0.0;
   }
 };

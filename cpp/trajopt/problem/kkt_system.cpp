@@ -40,8 +40,8 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
           "functions of the user");
     frontal_ = std::make_unique<FrontalKkt>(nodes_, primal_, dual_);
   } else if (ring_) {
-    bordered_ =
-        std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering);
+    bordered_ = std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering,
+                                                                2, Isa::avx512, kRingReach);
     border_.resize(static_cast<std::size_t>(blocks_ - 1) * size_ * size_);
     corner_.resize(static_cast<std::size_t>(size_) * size_);
   } else {
@@ -53,35 +53,6 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
 
 Ordering KktSystem::ordering() const {
   return ring_ || frontal_ ? ordering_ : factorization_->ordering();
-}
-
-void KktSystem::put(int row_node, int row, int column_node, int column, int rows, int columns,
-                    const double* block, int row_stride, int column_stride, double scale) {
-  const int rg = row_node / 2, cg = column_node / 2;
-  const int r0 = (row_node % 2) * (primal_ + dual_) + row;
-  const int c0 = (column_node % 2) * (primal_ + dual_) + column;
-  const int last = blocks_ - 1;
-  double* target;
-  bool lower_only = false, transposed = false;
-  if (rg == cg) {
-    target = ring_ && rg == last ? corner_.data() : matrix_.diagonal(rg);
-    lower_only = true;
-  } else if (ring_ && (rg == last || cg == last)) {  // border[chain row, border column]
-    transposed = rg == last;
-    target = border_.data() + static_cast<std::size_t>(transposed ? cg : rg) * size_ * size_;
-  } else {
-    transposed = rg < cg;
-    target = matrix_.lower(std::min(rg, cg));
-  }
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < columns; ++j) {
-      const double value = scale * block[i * row_stride + j * column_stride];
-      const int r = r0 + i, c = c0 + j;
-      if (lower_only && r < c) continue;
-      target[transposed ? static_cast<long>(c) * size_ + r : static_cast<long>(r) * size_ + c] +=
-          value;
-    }
-  }
 }
 
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
@@ -98,26 +69,22 @@ void KktSystem::assemble(const Linearization& lin, double damping, bool identity
     double* d = matrix_.diagonal(blocks_ - 1);
     for (int i = size_ / 2; i < size_; ++i) d[static_cast<long>(i) * size_ + i] = 1;
   }
-  if (ring_) {
-    matrix_.set_zero();
-    std::fill(border_.begin(), border_.end(), 0.0);
-    std::fill(corner_.begin(), corner_.end(), 0.0);
-    assemble_ring(lin, damping, identity);
-  } else {
-    assemble_frames(lin, damping, identity);
-  }
+  assemble_frames(lin, damping, identity);
 }
 
 void KktSystem::assemble_frames(const Linearization& lin, double damping, bool identity) {
   const KktRows rows{nodes_,
                      primal_,
                      dual_,
+                     ring_,
                      smoothing_,
                      damping,
                      identity ? nullptr : lin.hessian.data(),
                      lin.jacobian.data(),
                      matrix_.diagonal(0),
-                     matrix_.lower(0)};
+                     matrix_.lower(0),
+                     ring_ ? border_.data() : nullptr,
+                     ring_ ? corner_.data() : nullptr};
   const NodeKernels& kernels = node_kernels();
   parallel_for(blocks_, threads_, [&](long g, int) { kernels.write_block_row(rows, g); });
 }
@@ -135,40 +102,6 @@ void KktSystem::assemble_spline(const Linearization& lin, double damping, bool i
   const SplineKernels& kernels = spline_kernels();
   parallel_for(blocks_, threads_, [&](long g, int worker) {
     kernels.write_block_row(rows, g, scratch_.data() + worker * spline_row_scratch(d));
-  });
-}
-
-void KktSystem::assemble_ring(const Linearization& lin, double damping, bool identity) {
-  const long d = primal_, m = dual_, n = nodes_;
-  const auto window = [&](long f, int block) {
-    return lin.hessian.data() + (f * 6 + block) * d * d;
-  };
-  // One block row at a time: a worker writes its own diagonal and the coupling to the block before.
-  parallel_for(blocks_, threads_, [&](long group, int) {
-    for (int i = static_cast<int>(2 * group); i < 2 * group + 2; ++i) {
-      double w[3];
-      metric_weights(smoothing_, i, nodes_, true, w);
-      for (int back = 0; back < 3; ++back) {
-        const int j = (i - back + nodes_) % nodes_;
-        // Hessian block (x_i, x_{i-back}): windows of the frames that see both.
-        if (!identity) {
-          constexpr int kBlocks[3][3] = {{0, 3, 5}, {1, 4, -1}, {2, -1, -1}};
-          for (int ahead = 0; ahead + back < 3; ++ahead) {
-            const long f = (i + ahead) % n;
-            put(i, dual_, j, dual_, primal_, primal_, window(f, kBlocks[back][ahead]), primal_, 1);
-          }
-        }
-        const double one = damping * w[back];
-        for (int k = 0; k < primal_; ++k) put(i, dual_ + k, j, dual_ + k, 1, 1, &one, 1, 1);
-        // Constraint i by x_{i-back}. Its own multiplier stands before x_i: transposed there.
-        const double* a = lin.jacobian.data() + (static_cast<long>(i) * 3 + back) * m * d;
-        if (back == 0) {
-          put(i, dual_, i, 0, primal_, dual_, a, 1, primal_);
-        } else {
-          put(i, 0, j, dual_, dual_, primal_, a, primal_, 1);
-        }
-      }
-    }
   });
 }
 
@@ -204,10 +137,6 @@ void KktSystem::factor(double epsilon) {
 }
 
 void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
-  if (ring_) {
-    solve_ring(rhs, m, refinements);
-    return;
-  }
   if (refinements > 0) {
     rhs_copy_.resize(rhs.size());
     const long block = static_cast<long>(size_) * m;
@@ -222,35 +151,30 @@ void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
                        threads_);
     return;
   }
+  if (ring_) {
+    bordered_->solve(rhs.data(), rhs.data() + matrix_.rows() * m, m, threads_);
+    if (refinements > 0) refine_ring(rhs, m, refinements);
+    return;
+  }
   factorization_->solve(rhs.data(), m, threads_);
   if (refinements == 0) return;
   factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,
                          threads_);
 }
 
-void KktSystem::solve_ring(std::vector<double>& rhs, int m, int refinements) {
-  // BorderedFactorization::refine would keep the epsilon of the border's own multipliers.
+// Column by column, each with decisions of its own.
+void KktSystem::refine_ring(std::vector<double>& solution, int m, int refinements) {
   const long n = rows(), chain = matrix_.rows();
-  std::vector<double> b(n), x, r, before;
+  columns_.resize(2 * n);
+  double *b = columns_.data(), *x = b + n;
   for (int column = 0; column < m; ++column) {
-    for (long i = 0; i < n; ++i) b[i] = rhs[i * m + column];
-    x = b;
-    bordered_->solve(x.data(), x.data() + chain, 1, threads_);
-    const double size = linalg::largest_magnitude(b.data(), n, 1, 1);
-    linalg::refine_loop(
-        refinements, kRefineTolerance,
-        [&] {
-          multiply(x, r);
-          for (long i = 0; i < n; ++i) r[i] = b[i] - r[i];
-          return linalg::largest_magnitude(r.data(), n, 1, 1) / (size > 0 ? size : 1.0);
-        },
-        [&] {
-          before = x;
-          bordered_->solve(r.data(), r.data() + chain, 1, threads_);
-          for (long i = 0; i < n; ++i) x[i] += r[i];
-        },
-        [&] { x = before; });
-    for (long i = 0; i < n; ++i) rhs[i * m + column] = x[i];
+    for (long i = 0; i < n; ++i) {
+      b[i] = rhs_copy_[i * m + column];
+      x[i] = solution[i * m + column];
+    }
+    bordered_->refine(matrix_, corner_.data(), b, b + chain, x, x + chain, refinements,
+                      kRefineTolerance, threads_);
+    for (long i = 0; i < n; ++i) solution[i * m + column] = x[i];
   }
 }
 

@@ -26,6 +26,7 @@ namespace trajopt {
 class KktSystem {
  public:
   static constexpr int kRefinements = 2;
+  static constexpr int kRingReach = 1;  // a ring's last block meets its two neighbours only
   // Of the residual relative to the right-hand side: what the epsilon on the multipliers' diagonal
   // may leave. Rounding leaves 1e-12 to 1e-13, more of it the smaller the right-hand side is beside
   // the step; a tolerance below that is paid for with sweeps that improve nothing.
@@ -67,14 +68,9 @@ class KktSystem {
 
  private:
   void assemble_frames(const Linearization& lin, double damping, bool identity);
-  void assemble_ring(const Linearization& lin, double damping, bool identity);
   void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
-  void solve_ring(std::vector<double>& rhs, int m, int refinements);
-  // Adds rows x columns block at (node row, local row), (node column, local column) of the lower
-  // triangle (wrapping into the border for a ring).
-  void put(int row_node, int row, int column_node, int column, int rows, int columns,
-           const double* block, int row_stride, int column_stride, double scale = 1.0);
+  void refine_ring(std::vector<double>& solution, int m, int refinements);
 
   const TrajectoryProblem& problem_;
   double smoothing_;
@@ -88,7 +84,7 @@ class KktSystem {
   std::unique_ptr<linalg::BorderedFactorization> bordered_;
   std::vector<double> border_, corner_;  // chain rows x size, size x size
   std::vector<signed char> signs_;
-  std::vector<double> rhs_copy_;
+  std::vector<double> rhs_copy_, columns_;
   std::vector<double> scratch_;  // of the spline's assembly, per thread
 };
 

@@ -6,8 +6,10 @@
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/model/configuration.h"
+#include "trajopt/problem/callback_rows.h"
 #include "trajopt/problem/node_kernels.h"
 #include "trajopt/problem/node_rows.h"
+#include "trajopt/problem/ring.h"
 #include "trajopt/problem/spline_kernels.h"
 
 namespace trajopt {
@@ -101,14 +103,8 @@ void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frame
   std::copy(state.begin(), state.end(), frames.begin() + 2 * nq);
   if (options_.periodic) {
     for (int k = 0; k < 2; ++k) {
-      double* to = frames.data() + k * nq;
       const double* from = state.data() + static_cast<std::size_t>(frame_count_ - 2 + k) * nq;
-      std::copy(from, from + nq, to);
-      int slide = 0;  // the stride moves the leading slides of the root
-      for (const Joint& joint : model_.joints) {
-        if (joint.type != JointType::slide || slide == 3) break;
-        to[joint.q] -= options_.stride[slide++];
-      }
+      one_period_before(view(model_), options_.stride, from, frames.data() + k * nq);
     }
   }
 }
@@ -275,24 +271,13 @@ void TrajectoryProblem::add_callback(const CallbackObjective& term, const Evalua
   if (lin) callback_jacobian_.resize(n * rows * 3 * d);
   term.evaluate(out.frames.data(), callback_residual_.data(),
                 lin ? callback_jacobian_.data() : nullptr);
-  const double c = 2 * term.weight;
   parallel_for(n, options_.threads, [&](long f, int) {
-    const double* r = callback_residual_.data() + f * rows;
-    items_[f] = 0;
-    for (long row = 0; row < rows; ++row) items_[f] += term.weight * r[row] * r[row];
+    const CallbackRows t{term.rows, term.weight, callback_residual_.data() + f * rows,
+                         lin ? callback_jacobian_.data() + f * rows * 3 * d : nullptr};
+    items_[f] = callback_cost(t);
     if (!lin) return;
-    const double* j = callback_jacobian_.data() + f * rows * 3 * d;
-    double* g = lin->gradient.data() + f * 3 * d;
-    for (long row = 0; row < rows; ++row) {
-      const double* jr = j + row * 3 * d;
-      for (long i = 0; i < 3 * d; ++i) g[i] += c * jr[i] * r[row];
-      for (int b = 0; b < 6; ++b) {
-        double* h = lin->hessian.data() + (f * 6 + b) * d * d;
-        const double *ja = jr + kWindowBlocks[b][0] * d, *jb = jr + kWindowBlocks[b][1] * d;
-        for (long i = 0; i < d; ++i)
-          for (long k = 0; k < d; ++k) h[i * d + k] += c * ja[i] * jb[k];
-      }
-    }
+    add_callback_rows(Serial{}, t, static_cast<int>(d), lin->hessian.data() + f * 6 * d * d,
+                      lin->gradient.data() + f * 3 * d);
   });
 }
 

@@ -60,7 +60,13 @@ class Round {
       if (requests_[p].kind == kind) asking_.push_back(p);
     if (asking_.empty()) return false;
     executor_.answer(kind, asking_, requests_, answers_);
-    for (int p : asking_) take(p, [&] { return funnels_[p]->resume(answers_[p]); });
+    for (int p : asking_) {
+      if (answers_[p].error) {
+        end(p, answers_[p].error);
+      } else {
+        take(p, [&] { return funnels_[p]->resume(answers_[p]); });
+      }
+    }
     return true;
   }
 
@@ -74,9 +80,13 @@ class Round {
     } catch (const DeviceError&) {
       throw;         // of all
     } catch (...) {  // of this problem's report
-      requests_[p] = {};
-      ends_[p].error = std::current_exception();
+      end(p, std::current_exception());
     }
+  }
+
+  void end(int p, const std::exception_ptr& error) {
+    requests_[p] = {};
+    ends_[p].error = error;
   }
 
   BatchExecutor& executor_;

@@ -5,6 +5,7 @@
 // which device, and how many problems are worked on together, is the executor's affair.
 #pragma once
 
+#include <exception>
 #include <memory>
 #include <string>
 #include <vector>
@@ -67,6 +68,8 @@ struct Answer {
   bool factored = true;  // to `steps`: false when the inertia is wrong, and why in error()
   StepValues steps{};    // to `steps`
   PointValues point;     // to all others
+  // What a function of the user threw, by an executor of a batch; there is no other answer then.
+  std::exception_ptr error;
 };
 
 // One problem in the hands of an executor: what is known of it without any work.

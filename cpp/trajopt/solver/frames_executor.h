@@ -10,12 +10,11 @@
 //   copy_in, copy_out(to, from, bytes)       between pinned and device memory, in order
 //   operator()(work)                         a launch, in order
 //   Recording record(enqueue), play(it)      launches and copies recorded once; play waits
-//   name()                                   what a user calls it
-//   Solver(device, blocks, size, ordering, signs, batch)   of the KKT matrices at diagonal() and
-//     lower(), which begin as zeros. After list(listed, places) factor(), solve(x, m), reserve(m)
-//     and refine(rhs, x, m, steps, tolerance) are launches for listed[0] problems, those in
-//     listed[1] on. failed(), in device memory, holds kNever or anything else by problem;
-//     failure(problem) then says why
+//   Solver(device, blocks, size, ordering, signs, batch, ring)   of the KKT matrices at arrays(),
+//     which begin as zeros; of a ring the last of the blocks is the border. After
+//     list(listed, places) factor(), solve(x, m), reserve(m) and refine(rhs, x, m, steps,
+//     tolerance) are launches for listed[0] problems, those in listed[1] on. failed(), in device
+//     memory, holds kNever or anything else by problem; failure(problem) then says why
 //
 // The CUDA device is in cuda/trajopt/cuda/solver; tests have one that runs every launch on the
 // processor. Both give the bits of the processor's executor for the same elimination order.
@@ -32,9 +31,6 @@
 
 namespace trajopt {
 
-// Throws DeviceError, naming what of the problem a device cannot work on; says nothing otherwise.
-void require_device_support(const TrajectoryProblem& problem, const std::string& device);
-
 template <class Device>
 class FramesExecutor final : public BatchExecutor {
  public:
@@ -43,13 +39,14 @@ class FramesExecutor final : public BatchExecutor {
   // The members must have the same shape; at least one.
   FramesExecutor(Device device, const std::vector<BatchMember>& members,
                  const ExecutorOptions& options, int most_lanes = kMostLanes)
-      : device_(checked(std::move(device), members)),
+      : device_(std::move(device)),
         count_(static_cast<int>(members.size())),
         solver_(device_, (members[0].problem->nodes() + 1) / 2,
                 2 * (members[0].problem->primal() + members[0].problem->dual()), options.ordering,
-                make_signs(*members[0].problem), count_),
-        memory_(device_, members, options, most_lanes, solver_.diagonal(), solver_.lower()),
-        launches_(device_, solver_, memory_) {
+                make_signs(*members[0].problem), count_, members[0].problem->options().periodic),
+        memory_(device_, members, options, most_lanes, solver_.arrays()),
+        host_terms_(device_, members),
+        launches_(device_, solver_, memory_, host_terms_) {
     points_.reserve(count_);
     for (const BatchMember& m : members) points_.emplace_back(*this, *m.state);
     solver_.reserve(2);
@@ -64,12 +61,17 @@ class FramesExecutor final : public BatchExecutor {
     watch_.lap();
     memory_.active[0] = static_cast<int>(problems.size());
     std::copy(problems.begin(), problems.end(), memory_.active + 1);
-    for (int p : problems) control(p, kind, requests[p]);
-    launches_.play(kind, problems.size());
+    for (int p : problems) {
+      control(p, kind, requests[p]);
+      answers[p] = {};
+    }
+    launches_.play(kind, problems, answers);
     const bool steps = kind == Request::Kind::steps;
     const int values = (steps ? memory_.step_folds() : memory_.point_folds()).folds;
-    for (std::size_t place = 0; place < problems.size(); ++place)
-      read(problems[place], kind, memory_.results + place * values, answers[problems[place]]);
+    for (std::size_t place = 0; place < problems.size(); ++place) {
+      Answer& answer = answers[problems[place]];
+      if (!answer.error) read(problems[place], kind, memory_.results + place * values, answer);
+    }
     // What was computed together is shared out evenly.
     const double each = watch_.lap() / static_cast<double>(problems.size());
     for (int p : problems) {
@@ -101,11 +103,6 @@ class FramesExecutor final : public BatchExecutor {
     int trial = 0;
     bool moved = false;
   };
-
-  static Device checked(Device device, const std::vector<BatchMember>& members) {
-    for (const BatchMember& m : members) require_device_support(*m.problem, device.name());
-    return device;
-  }
 
   static std::vector<signed char> make_signs(const TrajectoryProblem& problem) {
     const int width = problem.primal() + problem.dual(), nodes = problem.nodes();
@@ -145,7 +142,6 @@ class FramesExecutor final : public BatchExecutor {
   // What the launches found.
   void read(int p, Request::Kind kind, const double* values, Answer& a) {
     Point& point = points_[p];
-    a = {};
     if (kind == Request::Kind::steps) {
       std::copy_n(values, kStepItems, a.steps.item);
       // The spline's C is not what the augmentation adds the squares of.
@@ -171,6 +167,7 @@ class FramesExecutor final : public BatchExecutor {
   const int count_;
   typename Device::Solver solver_;
   FramesMemory<Device> memory_;
+  HostTerms<Device> host_terms_;
   FramesLaunches<Device> launches_;
   std::vector<Point> points_;
   Stopwatch watch_;

@@ -10,12 +10,17 @@
 
 namespace trajopt {
 
+// The KKT matrices of all problems, on the device, as in FramesSystem.
+struct KktArrays {
+  double *diagonal, *lower;
+  double *border, *corner;  // of rings
+};
+
 template <class Device>
 class FramesMemory {
  public:
-  // `diagonal`, `lower`: of the KKT matrices of all problems, on the device.
   FramesMemory(Device& device, const std::vector<BatchMember>& members,
-               const ExecutorOptions& options, int most_lanes, double* diagonal, double* lower)
+               const ExecutorOptions& options, int most_lanes, const KktArrays& kkt)
       : device_(device), count_(static_cast<int>(members.size())) {
     std::vector<FramesSystem> systems = pack(members, options);
     const TrajectoryProblem& one = *members[0].problem;
@@ -23,7 +28,7 @@ class FramesMemory {
     frames_each_ = (one.frame_count() + 2L) * one.model().nq;
     place_points(members, systems);
     place_vectors(one, systems);
-    place_matrices(one, systems, diagonal, lower);
+    place_matrices(one, systems, kkt);
     place_controls(systems);
     place_batch(systems, rank_scratch_bytes(members, options.augmentation), most_lanes);
   }
@@ -89,17 +94,16 @@ class FramesMemory {
     return systems;
   }
 
-  // Frames -1 and 0 of every problem, and its start: of the current point and both trials. The
-  // other frames of a spline are computed.
+  // Frames of every problem, and its start: of the current point and both trials. The frames of a
+  // spline but for the first two are computed.
   void place_points(const std::vector<BatchMember>& members, std::vector<FramesSystem>& systems) {
     const std::size_t given = 2L * members[0].problem->model().nq;
     const std::size_t knots_each = splined_ ? members[0].state->size() : 0;
-    std::vector<double> frames(frames_each_ * count_), knots(knots_each * count_);
-    for (int p = 0; p < count_; ++p) {
-      double* at = frames.data() + p * frames_each_;
-      std::copy_n(members[p].problem->initial().data(), given, at);
-      const State& state = *members[p].state;
-      std::copy(state.begin(), state.end(), splined_ ? knots.data() + p * knots_each : at + given);
+    std::vector<double> frames, knots, one;
+    for (const BatchMember& m : members) {
+      m.problem->frames_of(*m.state, one);
+      frames.insert(frames.end(), one.begin(), one.end());
+      if (splined_) knots.insert(knots.end(), m.state->begin(), m.state->end());
     }
     for (int k = 0; k < 3; ++k) {
       const Rows frame_rows(*this, frames_each_), knot_rows(*this, knots_each);
@@ -149,16 +153,17 @@ class FramesMemory {
 
   // The linearization and the KKT matrix.
   void place_matrices(const TrajectoryProblem& one, std::vector<FramesSystem>& systems,
-                      double* diagonal, double* lower) {
+                      const KktArrays& kkt) {
     const std::size_t n = one.frame_count(), d = one.model().ndof;
     const std::size_t m = one.model().unactuated.size();
-    const std::size_t blocks = systems[0].blocks(), size = systems[0].size();
-    const std::size_t square = size * size;
+    const std::size_t chain = systems[0].blocks() - (systems[0].ring ? 1 : 0);
+    const std::size_t size = systems[0].size(), square = size * size;
     const Rows hessian(*this, n * 6 * d * d), gradient(*this, n * 3 * d);
     const Rows jacobian(*this, n * 3 * m * d), frame_gradient(*this, n * d);
     const Rows node_gradient(*this, splined_ ? one.nodes() * one.primal() : 0);
     const Rows rotations(*this, n * 36 * systems[0].spline.balls);
     const Rows cost(*this, n * systems[0].in.nterm), local_cost(*this, n * systems[0].nlocal);
+    const Rows callback_cost(*this, n * systems[0].ncallback);
     const Rows torque(*this, n * one.model().actuated.size());
     for (std::size_t p = 0; p < systems.size(); ++p) {
       FramesSystem& s = systems[p];
@@ -168,12 +173,15 @@ class FramesMemory {
       s.torque = torque.of(p);
       s.cost = cost.of(p);
       s.local_cost = local_cost.of(p);
+      s.callback_cost = callback_cost.of(p);
       s.frame_gradient = frame_gradient.of(p);
       s.node_gradient = splined_ ? node_gradient.of(p) : frame_gradient.of(p);
       s.rotations = rotations.of(p);
       s.spline.rotations = s.rotations;
-      s.diagonal = diagonal + p * blocks * square;
-      s.lower = lower + p * (blocks - 1) * square;
+      s.diagonal = kkt.diagonal + p * chain * square;
+      s.lower = kkt.lower + p * (chain - 1) * square;
+      s.border = s.ring ? kkt.border + p * chain * square : nullptr;
+      s.corner = s.ring ? kkt.corner + p * square : nullptr;
     }
   }
 

@@ -62,6 +62,16 @@ SplineView pack_spline(Parcel& parcel, const HermiteSpline& spline, int dofs) {
   return v;
 }
 
+const CallbackTerm* pack_callbacks(Parcel& parcel, const TrajectoryProblem& p) {
+  std::vector<CallbackTerm> terms;
+  long first = 0;
+  for (const CallbackObjective& term : p.objective().callbacks) {
+    terms.push_back({first, term.rows, term.weight});
+    first += static_cast<long>(p.frame_count()) * term.rows;
+  }
+  return parcel.add(terms.data(), terms.size());
+}
+
 }  // namespace
 
 void pack_problem(Parcel& parcel, const TrajectoryProblem& problem, const ExecutorOptions& options,
@@ -70,6 +80,10 @@ void pack_problem(Parcel& parcel, const TrajectoryProblem& problem, const Execut
   system.in = pack_input(parcel, problem, options.augmentation);
   system.local = pack_local(parcel, problem);
   system.nlocal = static_cast<int>(problem.local_terms().size());
+  system.callback = pack_callbacks(parcel, problem);
+  system.ncallback = static_cast<int>(problem.objective().callbacks.size());
+  system.ring = problem.options().periodic;
+  std::copy_n(problem.options().stride, 3, system.stride);
   const bool splined = problem.options().formulation == Formulation::spline;
   system.spline =
       splined ? pack_spline(parcel, problem.spline(), problem.model().ndof) : SplineView{};

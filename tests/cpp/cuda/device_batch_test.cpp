@@ -2,6 +2,8 @@
 // same comparison without a GPU, with the same launches, is solver/batch_test.cpp.
 #include <gtest/gtest.h>
 
+#include <string>
+
 #include "solver/batch_cases.h"
 #include "trajopt/base/error.h"
 #include "trajopt/cuda/solver/executor.h"
@@ -20,10 +22,13 @@ TEST(DeviceBatch, EveryProblemAsAlone) {
   }
 }
 
-TEST(DeviceBatch, SplinesAsAlone) {
-  Batch batch(5, test::make_spline_member);
-  test::expect_as_alone(batch, solve_funnels(batch.items(), cuda::make_executor, {}),
-                        test::make_spline_member);
+// Splines, rings, and problems with functions of the user.
+TEST(DeviceBatch, OtherKindsAsAlone) {
+  for (const auto& make :
+       {test::make_spline_member, test::make_ring_member, test::make_function_member}) {
+    Batch batch(5, make);
+    test::expect_as_alone(batch, solve_funnels(batch.items(), cuda::make_executor, {}), make);
+  }
 }
 
 // An objective without a minimum: no damping gives the matrix the right inertia.
@@ -45,6 +50,18 @@ TEST(DeviceBatch, FailuresStayWhereTheyAre) {
   EXPECT_EQ(ends[1].result.status, Status::numerical_failure);
   EXPECT_NE(ends[1].result.message.find("pivot"), std::string::npos) << ends[1].result.message;
   EXPECT_EQ(ends[2].result.status, Status::numerical_failure);
+  test::expect_as_alone(batch, ends, make);
+}
+
+// The same where the ring is closed.
+TEST(DeviceBatch, SingularBorder) {
+  const auto make = [](int k) {
+    return k == 1 ? test::make_ring_without_minimum() : test::make_ring_member(k);
+  };
+  Batch batch(3, make);
+  const auto ends = solve_funnels(batch.items(), cuda::make_executor, {});
+  const std::string& message = ends[1].result.message;
+  EXPECT_NE(message.find("of the border (block 5)"), std::string::npos) << message;
   test::expect_as_alone(batch, ends, make);
 }
 

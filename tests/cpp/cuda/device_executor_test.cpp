@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <stdexcept>
 
 #include "solver/flight.h"
+#include "solver/functions.h"
 #include "solver/same_records.h"
 #include "trajopt/cuda/solver/executor.h"
 #include "trajopt/solver/batch.h"
@@ -40,7 +42,6 @@ TEST(DeviceExecutor, Flight) {
 
 TEST(DeviceExecutor, EveryTerm) {
   for (const test::Named& named : test::all_setups()) {
-    if (named.setup.periodic) continue;
     SCOPED_TRACE(named.name);
     FunnelOptions options;
     options.ordering = Ordering::cyclic;
@@ -68,6 +69,38 @@ TEST(DeviceExecutor, Spline) {
   const test::Setup setup{
       .formulation = Formulation::spline, .frames = 50, .frames_per_knot = 10, .turn = 0.02};
   EXPECT_GE(compare([&] { return test::make_case(setup); }, options), 60u);
+}
+
+TEST(DeviceExecutor, Ring) {
+  for (bool uneven : {false, true}) {
+    FunnelOptions options;
+    options.ordering = Ordering::cyclic;
+    options.max_iterations = 40;
+    options.funnel = 1e3;
+    options.objective_tolerance = 1e-6;
+    const test::Setup setup{.frames = 24, .uneven = uneven, .periodic = true, .turn = 0.02};
+    EXPECT_GE(compare([&] { return test::make_case(setup); }, options), 30u);
+  }
+}
+
+TEST(DeviceExecutor, FunctionsOfTheUser) {
+  for (bool periodic : {false, true}) {
+    FunnelOptions options;
+    options.ordering = Ordering::cyclic;
+    options.max_iterations = 40;
+    options.funnel = 1e3;
+    options.objective_tolerance = 1e-6;
+    const test::Setup setup{.frames = 24, .periodic = periodic, .turn = 0.02};
+    EXPECT_GE(compare([&] { return test::make_case_with_functions(setup); }, options), 30u);
+  }
+}
+
+TEST(DeviceExecutor, AFunctionThatThrows) {
+  for (int after : {0, 1, 2, 7}) {
+    test::Case c = test::make_case_with_functions({}, 1, nullptr, after);
+    const auto executor = cuda::make_executor({{c.problem.get(), &c.state}}, executor_options({}));
+    EXPECT_THROW(solve_funnel(*executor, {}, {}), std::domain_error);
+  }
 }
 
 // Sums of three levels.

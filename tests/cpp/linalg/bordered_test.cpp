@@ -76,8 +76,9 @@ TEST_P(BorderedTest, SolvesLikeADenseSolver) {
                    system.border_signs.data(), 1e-3);
     std::vector<double> x = rhs;
     shifted.solve(x.data(), x.data() + rows);
-    const Refinement result = shifted.refine(system.k, rhs.data(), rhs.data() + rows, x.data(),
-                                             x.data() + rows, 10, 1e-13);
+    const Refinement result =
+        shifted.refine(system.k, system.f.data(), rhs.data(), rhs.data() + rows, x.data(),
+                       x.data() + rows, 10, 1e-13);
     EXPECT_LT(result.residual, 1e-12);
     EXPECT_LT(test::relative_error(x, expected), 1e-9);
   }
@@ -103,6 +104,31 @@ TEST(Bordered, ManyColumnsAreTheColumns) {
   factorization.solve(z1.data(), y1.data());
   for (long i = 0; i < rows; ++i) EXPECT_EQ(z1[i], z[i * m + 1]);
   for (int i = 0; i < 4; ++i) EXPECT_EQ(y1[i], y[i * m + 1]);
+}
+
+// What is known to be zero is left out, and nothing else changes.
+TEST(Bordered, ReachOfABorder) {
+  for (int reach : {1, 2, 3}) {
+    System system(7, 6, 5);
+    const long rows = system.k.rows();
+    for (long i = reach * 6; i < rows - reach * 6; ++i)
+      for (int j = 0; j < 5; ++j) system.e[i * 5 + j] = 0.0;
+    std::vector<double> found[2];
+    for (int k : {0, 1}) {
+      BorderedFactorization factorization(7, 6, 5, Ordering::cyclic, 2, Isa::avx512,
+                                          k == 0 ? 0 : reach);
+      factorization.factor(system.k, system.e.data(), system.f.data(), system.signs.data(),
+                           system.border_signs.data(), 0.3);
+      const std::vector<double> rhs = random_vector(rows + 5, 4);
+      std::vector<double>& x = found[k];
+      x = rhs;
+      factorization.solve(x.data(), x.data() + rows);
+      factorization.refine(system.k, system.f.data(), rhs.data(), rhs.data() + rows, x.data(),
+                           x.data() + rows, 3, 0.0);
+    }
+    EXPECT_EQ(found[1], found[0]);
+  }
+  EXPECT_THROW(BorderedFactorization(7, 6, 5, Ordering::cyclic, 2, Isa::avx512, 4), ArgumentError);
 }
 
 // A pivot of K or of the border: false, and nothing to solve with until it goes well.

@@ -100,6 +100,40 @@ TEST_P(NodeKernels, Steps) {
   expect_same_bits(steps[0], steps[1], "right-hand sides");
 }
 
+// Also by many ranks; in a ring the row that closes it is the border.
+TEST_P(NodeKernels, BlockRows) {
+  const ProblemOptions& options = c.problem->options();
+  if (options.formulation == Formulation::spline) return;
+  const int nodes = c.problem->nodes(), primal = c.problem->primal(), dual = c.problem->dual();
+  const bool ring = options.periodic;
+  const long blocks = (nodes + 1) / 2, size = 2 * (primal + dual), square = size * size;
+  test::Random random(5);
+  const auto hessian = random.vector(n * 6 * d * d), jacobian = random.vector(n * 3 * dual * d);
+  std::vector<double> matrices[2];
+  for (std::vector<double>& matrix : matrices) matrix.assign(4 * blocks * square, 0.25);
+  const auto rows = [&](int k) {
+    double* at = matrices[k].data();
+    double* border = ring ? at + 2 * blocks * square : nullptr;
+    return KktRows{nodes,
+                   primal,
+                   dual,
+                   ring,
+                   60.0,
+                   0.1,
+                   hessian.data(),
+                   jacobian.data(),
+                   at,
+                   at + blocks * square,
+                   border,
+                   ring ? border + blocks * square : nullptr};
+  };
+  for (long g = 0; g < blocks; ++g) {
+    kernels.write_block_row(rows(0), g);
+    write_block_row(Emulated(24, RankOrder::reverse), rows(1), g);
+  }
+  expect_same_bits(matrices[0], matrices[1], "matrix");
+}
+
 INSTANTIATE_TEST_SUITE_P(Setups, NodeKernels, testing::ValuesIn(test::all_setups()),
                          [](const auto& info) { return info.param.name; });
 

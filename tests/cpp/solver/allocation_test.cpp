@@ -46,12 +46,15 @@ TEST(Allocation, NoneWithContactsAndEveryTerm) {
   options.objective_tolerance = 0;
   options.window = 100;
   options.funnel = 1e3;
-  const Count count = count_allocations(test::make_case({.frames = 30, .turn = 0.02}), options);
-  ASSERT_EQ(count.after.size(), 21u);
-  EXPECT_GT(count.accepted, 0);
-  EXPECT_GT(count.refused, 0);
-  for (std::size_t k = 3; k < count.after.size(); ++k)
-    EXPECT_EQ(count.after[k] - count.after[k - 1], 0) << "iteration " << k;
+  for (bool periodic : {false, true}) {
+    const Count count = count_allocations(
+        test::make_case({.frames = 30, .periodic = periodic, .turn = 0.02}), options);
+    ASSERT_EQ(count.after.size(), 21u);
+    EXPECT_GT(count.accepted, 0);
+    EXPECT_GT(count.refused, 0);
+    for (std::size_t k = 3; k < count.after.size(); ++k)
+      EXPECT_EQ(count.after[k] - count.after[k - 1], 0) << "iteration " << k;
+  }
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <functional>
+#include <utility>
 
 #include "solver/flight.h"
+#include "solver/functions.h"
 #include "solver/same_records.h"
 #include "trajopt/solver/batch.h"
 
@@ -31,6 +33,34 @@ inline Case make_spline_member(int k) {
                     .uneven = k % 3 == 1,
                     .turn = 0.01 + 0.01 * k},
                    3 + k);
+}
+
+inline Case make_ring_member(int k) {
+  return make_case({.frames = 12, .uneven = k % 3 == 1, .periodic = true, .turn = 0.01 + 0.01 * k},
+                   3 + k);
+}
+
+// One whose last two frames, the border, want to be infinitely far from a pose.
+inline Case make_ring_without_minimum() {
+  Random random(1);
+  const Setup setup{.frames = 12, .periodic = true, .turn = 0.01};
+  const Model model = make_character();
+  Objective objective = every_term(model, setup.frames, random);
+  objective.local[0].weight.back() = -1e20;
+  return make_case(setup, model, objective, random);
+}
+
+// Also of one shape, although their functions have different numbers of rows.
+inline Case make_function_member(int k) {
+  Random random(3 + k);
+  const int frames = 13;
+  const Model model = make_character();
+  Objective objective = every_term(model, frames, random);
+  objective.callbacks.push_back(height_function(model, frames, 0.1 * k));
+  objective.callbacks.push_back(speed_function(model, frames, 0.2));
+  if (k % 2 == 1) std::swap(objective.callbacks[0], objective.callbacks[1]);
+  if (k % 3 == 2) objective.callbacks[0] = objective.callbacks[1];
+  return make_case({.frames = frames, .turn = 0.01 + 0.01 * k}, model, objective, random);
 }
 
 struct Batch {

@@ -49,15 +49,45 @@ TEST(Batch, EveryProblemAsAlone) {
   }
 }
 
-TEST(Batch, SplinesAsAlone) {
-  for (test::LaunchOrder how :
-       {test::LaunchOrder{RankOrder::forward, 0}, test::LaunchOrder{RankOrder::reverse, 0}}) {
-    Batch batch(5, test::make_spline_member);
-    Maker maker{how, 7, 1000, {}};
-    const auto ends = solve_funnels(batch.items(), maker.function(), {});
-    EXPECT_EQ(maker.made, std::vector<std::size_t>{5});
-    test::expect_as_alone(batch, ends, test::make_spline_member);
+// Splines, rings, and problems with functions of the user: some end while others go on.
+TEST(Batch, OtherKindsAsAlone) {
+  for (const auto& make :
+       {test::make_spline_member, test::make_ring_member, test::make_function_member}) {
+    for (test::LaunchOrder how :
+         {test::LaunchOrder{RankOrder::forward, 0}, test::LaunchOrder{RankOrder::reverse, 0}}) {
+      Batch batch(5, make);
+      Maker maker{how, 7, 1000, {}};
+      const auto ends = solve_funnels(batch.items(), maker.function(), {});
+      EXPECT_EQ(maker.made, std::vector<std::size_t>{5});
+      test::expect_as_alone(batch, ends, make);
+    }
   }
+}
+
+// Who has ended is not asked for values any more, and who throws does not keep the others.
+TEST(Batch, FunctionsOfTheUserAreCalledAsAlone) {
+  int calls[3] = {}, alone[3] = {};
+  const auto make = [](int k, int* count) {
+    return test::make_case_with_functions({.frames = 13, .turn = 0.02}, 3 + k, count,
+                                          k == 1 ? 4 : -1);
+  };
+  Batch batch(3, [&](int k) { return make(k, calls + k); });
+  batch.options[2].max_iterations = 30;
+  Maker maker;
+  const auto ends = solve_funnels(batch.items(), maker.function(), {});
+  ASSERT_TRUE(ends[1].error);
+  EXPECT_THROW(std::rethrow_exception(ends[1].error), std::domain_error);
+  for (int k : {0, 2}) {
+    SCOPED_TRACE("problem " + std::to_string(k));
+    EXPECT_FALSE(ends[k].error);
+    test::Case c = make(k, alone + k);
+    test::Recorder recorder;
+    solve_funnel(*c.problem, batch.options[k], c.state, recorder.observer());
+    test::expect_same_records(batch.recorders[k].records, recorder.records);
+    test::expect_same_state(batch.cases[k].state, c.state);
+    EXPECT_EQ(calls[k], alone[k]);
+  }
+  EXPECT_EQ(calls[1], 4);
 }
 
 TEST(Batch, DifferentEndsAreMet) {

@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <functional>
+#include <stdexcept>
 
 #include "solver/flight.h"
+#include "solver/functions.h"
 #include "solver/same_records.h"
 #include "solver/serial_device.h"
 #include "trajopt/solver/batch.h"
@@ -56,7 +58,6 @@ TEST(FramesExecutor, FlightToTheEnd) {
 TEST(FramesExecutor, EveryTerm) {
   int count = 0;
   for (const test::Named& named : test::all_setups()) {
-    if (named.setup.periodic) continue;
     SCOPED_TRACE(named.name);
     ++count;
     for (test::LaunchOrder how :
@@ -73,7 +74,7 @@ TEST(FramesExecutor, EveryTerm) {
       EXPECT_GT(records.size(), 0u);
     }
   }
-  EXPECT_EQ(count, 10);
+  EXPECT_EQ(count, 12);
 }
 
 // A hundred iterations among contacts.
@@ -109,6 +110,55 @@ TEST(FramesExecutor, Spline) {
   }
 }
 
+// A gait on the way to where it repeats itself: the frames of the ring's seam differ by the stride.
+TEST(FramesExecutor, Ring) {
+  for (Ordering ordering : {Ordering::cyclic, Ordering::chunked}) {
+    for (bool uneven : {false, true}) {
+      FunnelOptions options;
+      options.ordering = ordering;
+      options.max_iterations = 40;
+      options.funnel = 1e3;
+      options.objective_tolerance = 1e-6;
+      const test::Setup setup{.frames = 24, .uneven = uneven, .periodic = true, .turn = 0.02};
+      const auto records =
+          compare([&] { return test::make_case(setup); }, options, {RankOrder::reverse, 0}, 7);
+      EXPECT_GE(records.size(), 30u);
+    }
+  }
+}
+
+TEST(FramesExecutor, FunctionsOfTheUser) {
+  for (test::Setup setup : {test::Setup{.frames = 13, .turn = 0.02},
+                            test::Setup{.frames = 16, .periodic = true, .turn = 0.02}}) {
+    FunnelOptions options;
+    options.ordering = Ordering::cyclic;
+    options.max_iterations = 40;
+    options.funnel = 1e3;
+    options.objective_tolerance = 1e-6;
+    int calls = 0;
+    const auto records = compare([&] { return test::make_case_with_functions(setup, 1, &calls); },
+                                 options, {RankOrder::reverse, 0}, 7);
+    EXPECT_GE(records.size(), 30u);
+    EXPECT_GT(calls, 60);
+    EXPECT_GT(records[0].terms.back(), 0.0);
+  }
+}
+
+// It is not caught where it would be taken for something else.
+TEST(FramesExecutor, AFunctionThatThrows) {
+  for (int after : {0, 1, 2, 7}) {
+    test::Case c = test::make_case_with_functions({}, 1, nullptr, after);
+    FramesExecutor<test::SerialDevice> executor(
+        test::SerialDevice({}), {{c.problem.get(), &c.state}}, executor_options({}));
+    try {
+      solve_funnel(executor, {}, {});
+      ADD_FAILURE();
+    } catch (const std::domain_error& error) {
+      EXPECT_STREQ(error.what(), "not here");
+    }
+  }
+}
+
 // A matrix of the wrong inertia: the failure is noticed, the damping raised.
 TEST(FramesExecutor, WrongInertia) {
   FunnelOptions options;
@@ -117,27 +167,6 @@ TEST(FramesExecutor, WrongInertia) {
   options.damping = -1e6;
   for (Formulation formulation : {Formulation::frames, Formulation::spline})
     compare([=] { return test::make_flight(formulation); }, options, {RankOrder::forward, 0}, 64);
-}
-
-TEST(FramesExecutor, RefusesWhatItCannotDo) {
-  const auto message = [](test::Case c) -> std::string {
-    try {
-      const FramesExecutor<test::SerialDevice> executor(
-          test::SerialDevice({}), {{c.problem.get(), &c.state}}, executor_options({}));
-    } catch (const DeviceError& error) {
-      return error.what();
-    }
-    return "";
-  };
-  EXPECT_EQ(message(test::make_case({})), "");
-  EXPECT_NE(message(test::make_case({.periodic = true})).find("periodic"), std::string::npos);
-  EXPECT_EQ(message(test::make_flight(Formulation::spline)), "");
-  test::Random random(1);
-  const Model model = test::make_character();
-  Objective objective = test::every_term(model, 10, random);
-  objective.callbacks.push_back({"my term", 1, 1.0, [](const double*, double*, double*) {}});
-  const std::string text = message(test::make_case({}, model, objective, random));
-  EXPECT_NE(text.find("'my term'"), std::string::npos) << text;
 }
 
 }  // namespace

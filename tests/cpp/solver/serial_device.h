@@ -12,7 +12,7 @@
 
 #include "trajopt/base/buffer.h"
 #include "trajopt/base/error.h"
-#include "trajopt/linalg/group_sequence.h"
+#include "trajopt/linalg/group_border_sequence.h"
 #include "trajopt/solver/frames_executor.h"
 
 namespace trajopt::test {
@@ -25,8 +25,6 @@ struct LaunchOrder {
 class SerialDevice {
  public:
   explicit SerialDevice(LaunchOrder how) : how_(how), log_(std::make_shared<Log>()) {}
-
-  std::string name() const { return "serial"; }
 
   struct Bytes {
     AlignedBuffer memory;
@@ -94,20 +92,25 @@ class SerialDevice {
 class SerialDevice::Solver {
  public:
   Solver(const SerialDevice& device, int blocks, int size, linalg::Ordering ordering,
-         const std::vector<signed char>& signs, int batch)
+         const std::vector<signed char>& signs, int batch, bool ring)
       : run_(device),
-        plan_(make_group_plan(blocks, linalg::make_schedule(blocks, ordering, 2))),
+        ring_(ring),
+        chain_(ring ? blocks - 1 : blocks),
+        plan_(make_group_plan(chain_, linalg::make_schedule(chain_, ordering, 2))),
         batch_(batch),
-        matrix_(blocks, size, batch) {
-    for (int item = 0; item < batch; ++item)
-      signs_.insert(signs_.end(), signs.begin(), signs.end());
-    s_.blocks = blocks;
+        matrix_(chain_, size, batch) {
+    for (int item = 0; item < batch; ++item) {
+      const auto border = signs.begin() + matrix_.rows();
+      signs_.insert(signs_.end(), signs.begin(), border);
+      border_signs_.insert(border_signs_.end(), border, signs.end());
+    }
+    s_.blocks = chain_;
     s_.size = size;
     s_.slots = plan_.slots;
     s_.runs = plan_.runs;
     s_.ld = linalg::group_ld(size);
     const long block = s_.block_length();
-    w_.resize(batch * blocks * block);
+    w_.resize(batch * chain_ * block);
     couplings_.resize(batch * plan_.slots * block);
     inverse_.resize(batch * matrix_.rows());
     scratch_.resize(batch * plan_.runs * 3 * block);
@@ -124,11 +127,13 @@ class SerialDevice::Solver {
     s_.failures = failures_.data();
     s_.failed_stage = failed_stage_.data();
     s_.failed_item = &failed_item_;
+    if (ring) make_border(size);
   }
   Solver(const Solver&) = delete;
 
-  double* diagonal() { return matrix_.diagonal(0); }
-  double* lower() { return matrix_.lower(0); }
+  KktArrays arrays() {
+    return {matrix_.diagonal(0), matrix_.lower(0), border_.data(), corner_.data()};
+  }
 
   void list(const int* listed, int places) {
     s_.listed = listed;
@@ -136,21 +141,39 @@ class SerialDevice::Solver {
   }
   void factor() {
     run_.then([this] {
-      std::fill(failures_.begin(), failures_.end(), linalg::GroupFailure{-1, -1, 0.0});
+      const linalg::GroupFailure none{-1, -1, 0.0};
+      std::fill(failures_.begin(), failures_.end(), none);
+      std::fill(border_failures_.begin(), border_failures_.end(), none);
       std::fill(failed_stage_.begin(), failed_stage_.end(), linalg::GroupSystem::kNever);
       failed_item_ = linalg::GroupSystem::kNever;
     });
     sequence_factor(run_, plan_, entries(), s_);
+    if (ring_) sequence_border_factor(run_, plan_, entries(), s_, b_);
   }
-  void solve(double* x, int m) { sequence_solve(run_, plan_, entries(), s_, {x, m, nullptr}); }
+  void solve(double* x, int m) {
+    if (ring_) {
+      sequence_border_solve(run_, plan_, entries(), s_, b_, x, m);
+    } else {
+      sequence_solve(run_, plan_, entries(), s_, {x, m, nullptr});
+    }
+  }
   void reserve(int m) {
-    r_.resize(batch_ * matrix_.rows() * m);
+    const long lanes = batch_ * (ring_ ? m : linalg::column_chunks(m));
+    r_.resize(batch_ * (ring_ ? b_.stride(m) : matrix_.rows() * m));
     saved_.resize(r_.size());
-    norm_.assign(batch_ * linalg::column_chunks(m), 0.0);
-    states_.resize(norm_.size());
-    active_.resize(norm_.size());
+    norm_.assign(lanes, 0.0);
+    states_.resize(lanes);
+    active_.resize(lanes);
+    going_.resize(batch_ * linalg::column_chunks(m));
   }
   void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
+    if (ring_) {
+      const linalg::BorderRefineArrays arrays{rhs,          r_.data(),      saved_.data(),
+                                              norm_.data(), states_.data(), active_.data(),
+                                              going_.data()};
+      sequence_border_refine(run_, plan_, entries(), s_, b_, x, m, steps, tolerance, arrays);
+      return;
+    }
     const linalg::RefineArrays arrays{rhs,          r_.data(),      saved_.data(),
                                       norm_.data(), states_.data(), active_.data()};
     sequence_refine_start(run_, s_, x, m, steps, tolerance, arrays);
@@ -163,16 +186,43 @@ class SerialDevice::Solver {
  private:
   linalg::PlanEntries entries() const { return {plan_.eliminations.data(), plan_.updates.data()}; }
 
+  void make_border(int size) {
+    b_.border = size;
+    b_.rows = matrix_.rows();
+    b_.reached = static_cast<long>(KktSystem::kRingReach) * size;
+    b_.ld = linalg::group_ld(size);
+    border_.resize(batch_ * b_.rows * size);
+    corner_.resize(static_cast<std::size_t>(batch_) * size * size);
+    z_.resize(border_.size());
+    schur_.resize(batch_ * b_.block_length());
+    unscaled_.resize(schur_.size());
+    border_inverse_.resize(static_cast<std::size_t>(batch_) * size);
+    border_failures_.resize(batch_);
+    b_.e = border_.data();
+    b_.f = corner_.data();
+    b_.signs = border_signs_.data();
+    b_.regularization = &regularization_;
+    b_.z = z_.data();
+    b_.schur = schur_.data();
+    b_.unscaled = unscaled_.data();
+    b_.inverse = border_inverse_.data();
+    b_.failures = border_failures_.data();
+  }
+
   SerialDevice run_;
+  const bool ring_;
+  const int chain_;  // blocks, without a ring's border
   linalg::GroupPlan plan_;
   const int batch_;
   linalg::SymmetricBlockTridiagonal matrix_;
-  std::vector<signed char> signs_;
+  std::vector<signed char> signs_, border_signs_;
   linalg::GroupSystem s_;
+  linalg::GroupBorder b_;
   std::vector<double> w_, couplings_, inverse_, scratch_, r_, saved_, norm_;
-  std::vector<linalg::GroupFailure> failures_;
+  std::vector<double> border_, corner_, z_, schur_, unscaled_, border_inverse_;
+  std::vector<linalg::GroupFailure> failures_, border_failures_;
   std::vector<linalg::GroupRefinement> states_;
-  std::vector<int> active_;
+  std::vector<int> active_, going_;
   std::vector<int> failed_stage_;
   int failed_item_ = 0;
   const double regularization_ = 0.0;

@@ -69,21 +69,17 @@ def test_one_and_none():
     assert single.x.tobytes() == found.x.tobytes()
 
 
-def test_what_a_gpu_cannot_do_is_named_and_the_rest_is_solved():
+def test_problems_of_all_kinds_are_solved_together():
     problems = [
         make(0.1),
         make(0.1, periodic=True),
+        make(0.1, formulation="spline", frames_per_knot=5),
         make(0.2, terms=[ControlEffort(0.1)]),
     ]
-    with pytest.raises(trajopt.BatchError) as caught:
-        trajopt.solve_batch(problems, device="cuda", max_iterations=3, ordering="cyclic")
-    errors = caught.value.errors
-    assert list(errors) == [1]
-    assert isinstance(errors[1], trajopt.DeviceError)
-    assert "a periodic problem" in str(errors[1])
-    for index in (0, 2):
-        alone = trajopt.solve(problems[index], max_iterations=3, ordering="cyclic")
-        assert_same(caught.value.solutions[index], alone)
+    options = {"max_iterations": 3, "ordering": "cyclic"}
+    found = trajopt.solve_batch(problems, device="cuda", **options)
+    for problem, solution in zip(problems, found, strict=True):
+        assert_same(solution, trajopt.solve(problem, **options))
 
 
 def test_a_callback_stops_its_problem():

@@ -49,8 +49,6 @@ class Factorization {
   void check(const signed char* host_signs, double regularization, const Stream& stream);
   // Waits for the stream; the result of the last enqueue_refine.
   linalg::Refinement refinement(const Stream& stream) const;
-  // kNever, or the first item that failed; in device memory, for kernels that must know.
-  const int* failed_item() const { return failed_item_.data(); }
   // By item: kNever, or the stage in which it failed; in device memory.
   const int* failed_stages() const { return failed_stage_.data(); }
   // Of an item that failed: what check() would throw, with `signs` those of this item and the
@@ -65,10 +63,14 @@ class Factorization {
   bool factored() const { return factored_; }
   std::size_t device_bytes() const;  // of all buffers
 
+  // For launches that go with these: what they work on, without or with the matrix.
+  const linalg::GroupPlan& plan() const { return plan_; }
+  linalg::PlanEntries entries() const { return {eliminations_.data(), updates_.data()}; }
+  const linalg::GroupSystem& system() const { return system_; }
+  linalg::GroupSystem system_of(const BlockTridiagonal& a) const;
+
  private:
   long rows() const { return static_cast<long>(blocks()) * size(); }
-  linalg::PlanEntries entries() const { return {eliminations_.data(), updates_.data()}; }
-  linalg::GroupSystem system_of(const BlockTridiagonal& a) const;
   linalg::RefineArrays refine_arrays(const double* rhs) const;
   void upload(const linalg::SymmetricBlockTridiagonal& a, const char* what);
   void reserve_columns(int m);

@@ -38,22 +38,31 @@ void launch_refine_step(const GroupPlan& plan, const PlanEntries& at, const Grou
   sequence_refine_step(StreamExecutor{stream}, plan, at, s, x, m, max_steps, tolerance, a);
 }
 
-void launch_border_factor(const GroupBorder& b, const Stream& stream) {
-  launch(group::BorderUpdateWork{b}, stream);
-  launch(group::BorderEliminateWork{b}, stream);
+void launch_border_factor(const GroupPlan& plan, const PlanEntries& at, const GroupSystem& s,
+                          const GroupBorder& b, const Stream& stream) {
+  sequence_border_factor(StreamExecutor{stream}, plan, at, s, b);
 }
 
-void launch_border_solve(const GroupBorder& b, int size, double* z, double* y, int m,
-                         const Stream& stream) {
-  launch(group::BorderSolveWork{b, z, y, m}, stream);
-  launch(group::BorderSpreadWork{b, size, y, z, m}, stream);
+void launch_border_solve(const GroupPlan& plan, const PlanEntries& at, const GroupSystem& s,
+                         const GroupBorder& b, double* x, int m, const Stream& stream) {
+  sequence_border_solve(StreamExecutor{stream}, plan, at, s, b, x, m);
+}
+
+void launch_border_refine(const GroupPlan& plan, const PlanEntries& at, const GroupSystem& s,
+                          const GroupBorder& b, double* x, int m, int max_steps, double tolerance,
+                          const BorderRefineArrays& a, const Stream& stream) {
+  sequence_border_refine(StreamExecutor{stream}, plan, at, s, b, x, m, max_steps, tolerance, a);
 }
 
 void load_linalg_kernels() {
+  load<group::BorderCopyWork>();
   load<group::BorderUpdateWork>();
   load<group::BorderEliminateWork>();
   load<group::BorderSolveWork>();
   load<group::BorderSpreadWork>();
+  load<group::BorderResidualWork>();
+  load<group::BorderDecideWork>();
+  load<group::BorderCorrectWork>();
   load<group::EliminateWork>();
   load<group::UpdateWork>();
   load<group::ForwardWork>();
@@ -74,11 +83,14 @@ std::size_t linalg_shared_memory(int size) {
                    group::ResidualWork{s, v, nullptr, nullptr, nullptr}.bytes()});
 }
 
-std::size_t border_shared_memory(int border) {
+std::size_t border_shared_memory(int size, int border) {
+  GroupSystem s;
+  s.size = size;
   GroupBorder b;
   b.border = border;
-  return std::max({group::BorderUpdateWork{b}.bytes(), group::BorderEliminateWork{b}.bytes(),
-                   group::BorderSolveWork{b, nullptr, nullptr, 1}.bytes()});
+  return std::max({group::BorderUpdateWork{s, b}.bytes(), group::BorderEliminateWork{s, b}.bytes(),
+                   group::BorderSolveWork{s, b, {}}.bytes(),
+                   group::BorderResidualWork{s, b, {}, nullptr, nullptr, nullptr}.bytes()});
 }
 
 std::size_t linalg_shared_memory_with_w(int size) {

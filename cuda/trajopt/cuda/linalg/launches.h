@@ -2,8 +2,7 @@
 #pragma once
 
 #include "trajopt/cuda/base/stream.h"
-#include "trajopt/linalg/group_border.h"
-#include "trajopt/linalg/group_sequence.h"
+#include "trajopt/linalg/group_border_sequence.h"
 
 namespace trajopt::cuda {
 
@@ -17,19 +16,25 @@ void launch_refine_step(const linalg::GroupPlan& plan, const linalg::PlanEntries
                         const linalg::GroupSystem& s, double* x, int m, int max_steps,
                         double tolerance, const linalg::RefineArrays& a, const Stream& stream);
 
-// After the solution for E: the Schur complement and its elimination.
-void launch_border_factor(const linalg::GroupBorder& b, const Stream& stream);
-// After the solution for z: the border's unknowns, and what they take from z.
-void launch_border_solve(const linalg::GroupBorder& b, int size, double* z, double* y, int m,
-                         const Stream& stream);
+// The same for a border, whose factorization follows that of the chain.
+void launch_border_factor(const linalg::GroupPlan& plan, const linalg::PlanEntries& at,
+                          const linalg::GroupSystem& s, const linalg::GroupBorder& b,
+                          const Stream& stream);
+void launch_border_solve(const linalg::GroupPlan& plan, const linalg::PlanEntries& at,
+                         const linalg::GroupSystem& s, const linalg::GroupBorder& b, double* x,
+                         int m, const Stream& stream);
+void launch_border_refine(const linalg::GroupPlan& plan, const linalg::PlanEntries& at,
+                          const linalg::GroupSystem& s, const linalg::GroupBorder& b, double* x,
+                          int m, int max_steps, double tolerance,
+                          const linalg::BorderRefineArrays& a, const Stream& stream);
 
 // Loads all kernels of the above.
 void load_linalg_kernels();
 
 // Most shared memory that one of them needs for blocks of this size.
 std::size_t linalg_shared_memory(int size);
-// Most that the launches of a border need.
-std::size_t border_shared_memory(int border);
+// Most that the launches of a border of blocks of this size need.
+std::size_t border_shared_memory(int size, int border);
 // The same for blocks with W in shared memory while solving.
 std::size_t linalg_shared_memory_with_w(int size);
 

@@ -7,13 +7,14 @@
 #pragma nv_diag_suppress 128, 177
 #endif
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "trajopt/cuda/base/buffer.h"
 #include "trajopt/cuda/base/device.h"
 #include "trajopt/cuda/base/launch.cuh"
-#include "trajopt/cuda/linalg/factorization.h"
+#include "trajopt/cuda/linalg/bordered.h"
 #include "trajopt/cuda/solver/executor.h"
 #include "trajopt/solver/frames_executor.h"
 
@@ -28,7 +29,8 @@ class CudaDevice {
 
   CudaDevice() : shared_((require_device(), std::make_shared<Shared>())) {
     load_all<FramesWork<false>, FramesWork<true>, FoldChunksWork<PointItems>,
-             FoldChunksWork<StepItems>, FoldRestWork, AssembleWork, NodesWork<GatherGradient>,
+             FoldChunksWork<StepItems>, FoldRestWork, PackFramesWork, CallbackCostWork,
+             CallbackDerivativesWork, AssembleWork, NodesWork<GatherGradient>,
              NodesWork<WriteStepsRhs>, NodesWork<MeasureSteps>, NodesWork<ComposeStep>,
              NodesWork<WriteCorrectionRhs>, NodesWork<ApplyCorrection>, NodesWork<AcceptTrial>,
              NodesWork<RemoveEpsilon>, NodesWork<SplineFrames<false>>,
@@ -37,7 +39,6 @@ class CudaDevice {
              NodesWork<ReduceGradient>, AssembleSplineWork>();
   }
 
-  std::string name() const { return "cuda"; }
   const Stream& stream() const { return shared_->stream; }
 
   DeviceBuffer<unsigned char> allocate(std::size_t bytes) const {
@@ -93,52 +94,95 @@ class CudaDevice {
   std::shared_ptr<Shared> shared_;
 };
 
+// Of a ring, the last block is a border of the others.
 class CudaDevice::Solver {
  public:
   Solver(const CudaDevice& device, int blocks, int size, linalg::Ordering ordering,
-         const std::vector<signed char>& signs, int batch)
+         const std::vector<signed char>& signs, int batch, bool ring)
       : device_(device),
-        factorization_(blocks, size, ordering, 2, batch),
-        matrix_(blocks, size, batch),
-        host_signs_(signs),
-        signs_(signs.size() * batch),
+        chain_(ring ? blocks - 1 : blocks),
+        matrix_(chain_, size, batch),
+        host_signs_(signs.begin(), signs.begin() + rows()),
+        host_border_signs_(signs.begin() + rows(), signs.end()),
         regularization_(1) {
     const Stream& stream = device_.stream();
-    const std::size_t block = sizeof(double) * size * size * batch;
-    TRAJOPT_CUDA_CHECK(cudaMemsetAsync(matrix_.diagonal(), 0, block * blocks, stream.get()));
-    if (blocks > 1) {
-      TRAJOPT_CUDA_CHECK(cudaMemsetAsync(matrix_.lower(), 0, block * (blocks - 1), stream.get()));
+    const std::size_t square = static_cast<std::size_t>(size) * size * batch;
+    set_zero(matrix_.diagonal(), square * chain_);
+    set_zero(matrix_.lower(), square * (chain_ - 1));
+    if (ring) {
+      ring_.emplace(chain_, size, size, ordering, 2, batch, KktSystem::kRingReach);
+      border_ = DeviceBuffer<double>(square * chain_);
+      corner_ = DeviceBuffer<double>(square);
+      border_.set_zero(stream);
+      corner_.set_zero(stream);
+    } else {
+      open_.emplace(chain_, size, ordering, 2, batch);
     }
-    std::vector<signed char> all;
-    for (int item = 0; item < batch; ++item) all.insert(all.end(), signs.begin(), signs.end());
-    signs_.upload(all.data(), all.size(), stream);
+    signs_ = repeated(host_signs_, batch);
+    border_signs_ = repeated(host_border_signs_, batch);
     regularization_.set_zero(stream);  // the assembly regularizes
     stream.synchronize();
   }
 
-  double* diagonal() const { return matrix_.diagonal(); }
-  double* lower() const { return matrix_.lower(); }
+  KktArrays arrays() const {
+    return {matrix_.diagonal(), matrix_.lower(), border_.data(), corner_.data()};
+  }
 
-  void list(const int* listed, int places) { factorization_.list(listed, places); }
+  void list(const int* listed, int places) {
+    ring_ ? ring_->list(listed, places) : open_->list(listed, places);
+  }
   void factor() {
-    factorization_.enqueue_factor(matrix_, signs_.data(), regularization_.data(), device_.stream());
+    const Stream& stream = device_.stream();
+    if (ring_) {
+      ring_->enqueue_factor(matrix_, border_.data(), corner_.data(), signs_.data(),
+                            border_signs_.data(), regularization_.data(), stream);
+    } else {
+      open_->enqueue_factor(matrix_, signs_.data(), regularization_.data(), stream);
+    }
   }
-  void solve(double* x, int m) { factorization_.enqueue_solve(x, m, device_.stream()); }
-  void reserve(int m) { factorization_.reserve_refinement(m); }
+  void solve(double* x, int m) {
+    const Stream& stream = device_.stream();
+    ring_ ? ring_->enqueue_solve(x, m, stream) : open_->enqueue_solve(x, m, stream);
+  }
+  void reserve(int m) {
+    ring_ ? ring_->reserve_refinement(m, device_.stream()) : open_->reserve_refinement(m);
+  }
   void refine(const double* rhs, double* x, int m, int steps, double tolerance) {
-    factorization_.enqueue_refine(matrix_, rhs, x, m, steps, tolerance, device_.stream());
+    const Stream& stream = device_.stream();
+    ring_ ? ring_->enqueue_refine(matrix_, rhs, x, m, steps, tolerance, stream)
+          : open_->enqueue_refine(matrix_, rhs, x, m, steps, tolerance, stream);
   }
-  const int* failed() const { return factorization_.failed_stages(); }
+  const int* failed() const { return ring_ ? ring_->failed_stages() : open_->failed_stages(); }
   std::string failure(int item) {
-    return factorization_.failure(item, host_signs_.data(), 0.0, -1, device_.stream()).what();
+    const Stream& stream = device_.stream();
+    const signed char* signs = host_signs_.data();
+    if (!ring_) return open_->failure(item, signs, 0.0, -1, stream).what();
+    return ring_->failure(item, signs, host_border_signs_.data(), 0.0, -1, stream).what();
   }
 
  private:
+  long rows() const { return matrix_.rows(); }
+  void set_zero(double* values, std::size_t count) const {
+    if (count == 0) return;
+    TRAJOPT_CUDA_CHECK(cudaMemsetAsync(values, 0, count * sizeof(double), device_.stream().get()));
+  }
+  DeviceBuffer<signed char> repeated(const std::vector<signed char>& signs, int batch) const {
+    std::vector<signed char> all;
+    for (int item = 0; item < batch; ++item) all.insert(all.end(), signs.begin(), signs.end());
+    DeviceBuffer<signed char> buffer(all.size());
+    buffer.upload(all.data(), all.size(), device_.stream());
+    device_.stream().synchronize();
+    return buffer;
+  }
+
   CudaDevice device_;
-  Factorization factorization_;
+  const int chain_;  // blocks, without the border
   BlockTridiagonal matrix_;
-  std::vector<signed char> host_signs_;
-  DeviceBuffer<signed char> signs_;
+  std::optional<Factorization> open_;  // one of the two
+  std::optional<BorderedFactorization> ring_;
+  DeviceBuffer<double> border_, corner_;
+  const std::vector<signed char> host_signs_, host_border_signs_;
+  DeviceBuffer<signed char> signs_, border_signs_;
   DeviceBuffer<double> regularization_;
 };
 
@@ -146,7 +190,6 @@ class CudaDevice::Solver {
 
 std::unique_ptr<BatchExecutor> make_executor(const std::vector<BatchMember>& members,
                                              const ExecutorOptions& options) {
-  for (const BatchMember& m : members) require_device_support(*m.problem, "cuda");
   return std::make_unique<FramesExecutor<CudaDevice>>(CudaDevice(), members, options);
 }
 
