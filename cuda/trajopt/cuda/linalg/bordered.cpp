@@ -29,6 +29,7 @@ BorderedFactorization::BorderedFactorization(int blocks, int size, int border,
   unscaled_ = DeviceBuffer<double>(system_.ld * border);
   inverse_ = DeviceBuffer<double>(border);
   failure_ = DeviceBuffer<linalg::GroupFailure>(1);
+  load_border_kernels();
   host_failure_ = PinnedBuffer<linalg::GroupFailure>(1);
   system_.z = z_.data();
   system_.schur = schur_.data();
