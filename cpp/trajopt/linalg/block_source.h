@@ -10,7 +10,8 @@ template <class T>
 class BlockSource {
  public:
   BlockSource() = default;
-  TRAJOPT_HD BlockSource(const T* own) : own_(own) {}  // NOLINT(google-explicit-constructor)
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  TRAJOPT_HD BlockSource(const T* own) : own_(own) {}
   // NOLINTNEXTLINE(google-explicit-constructor)
   TRAJOPT_HD BlockSource(const double* matrix) : matrix_(matrix) {}
 
@@ -29,8 +30,8 @@ template <>
 class BlockSource<double> {
  public:
   BlockSource() = default;
-  TRAJOPT_HD BlockSource(const double* data)
-      : data_(data) {}  // NOLINT(google-explicit-constructor)
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  TRAJOPT_HD BlockSource(const double* data) : data_(data) {}
 
   TRAJOPT_HD explicit operator bool() const { return data_; }
   TRAJOPT_HD double operator[](long at) const { return data_[at]; }

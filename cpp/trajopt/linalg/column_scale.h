@@ -9,9 +9,8 @@
 
 namespace trajopt::linalg::inline TRAJOPT_ISA {
 
-// 2^clamp(ilogb(most), -1000, 1000): `most`, the largest magnitude of the column, comes to lie in
-// [1, 2), the middle of float32's range, and both the division and the way back are exact unless
-// they leave float64's. 1 for a column of zeros and for one that is not finite.
+// 2^clamp(ilogb(most), -1000, 1000): a column whose largest magnitude is `most` comes to lie in the
+// middle of float32's range. 1 for a column of zeros and for one that is not finite.
 TRAJOPT_HD inline double column_scale(double most) {
   constexpr int kBias = 1023, kMantissa = 52, kLargest = 1000;
   if (!(most > 0.0 && most <= std::numeric_limits<double>::max())) return 1.0;

@@ -131,7 +131,8 @@ TRAJOPT_HD inline void factor_corner(const BasicElimination<T>& e, int k0, int r
     if (r < rows) {
       const int k = k0 + r;
       const T sign = e.signs ? static_cast<T>(e.signs[k]) : T(1);
-      const T shift = e.regularization != 0.0 ? sign * regularization : T(-0.0);  // changes no bit
+      // Added to a zero, -0 does not change its sign.
+      const T shift = e.regularization != 0.0 ? sign * regularization : T(-0.0);
       const T d = u[r][r] + shift;
       const T inverse = T(1) / d;
       const T before = static_cast<T>(e.original[k * (e.size + 1L)]) + shift;

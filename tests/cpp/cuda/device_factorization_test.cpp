@@ -8,6 +8,7 @@
 #include "linalg/random_matrix.h"
 #include "trajopt/base/error.h"
 #include "trajopt/cuda/linalg/factorization.h"
+#include "trajopt/cuda/linalg/launches.h"
 #include "trajopt/linalg/factorization.h"
 
 namespace trajopt {
@@ -242,6 +243,12 @@ void same_block_pivot_and_words(Precision precision) {
 
 TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
   for (Precision precision : kPrecisions) same_block_pivot_and_words(precision);
+}
+
+// What docs/cuda.md says of the smallest GPU supported, of compute capability 7.5.
+TEST(DeviceFactorization, SharedMemoryOfTheLargestBlocks) {
+  EXPECT_LE(cuda::linalg_shared_memory<double>(490), std::size_t{64} << 10);
+  EXPECT_LE(cuda::linalg_shared_memory<float>(720), std::size_t{64} << 10);
 }
 
 TEST(DeviceFactorizationFailure, TooLarge) {

@@ -40,10 +40,10 @@ class Factorization {
   void enqueue_factor(const BlockTridiagonal& a, const signed char* signs,
                       const double* regularization, const Stream& stream);
   // x: (batch, blocks * size, m), in place. With float32 factors call reserve_solution(m) before,
-  // outside of any capture.
+  // outside of any capture: a graph that was captured before a larger reservation is void.
   void enqueue_solve(double* x, int m, const Stream& stream) const;
   void reserve_solution(int m);
-  // Improves x. Call reserve_refinement(m) before, outside of any capture.
+  // Improves x. Call reserve_refinement(m) before, likewise; it reserves for solutions too.
   void enqueue_refine(const BlockTridiagonal& a, const double* rhs, double* x, int m, int max_steps,
                       double tolerance, const Stream& stream) const;
   void reserve_refinement(int m);
