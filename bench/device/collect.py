@@ -66,14 +66,17 @@ def print_linalg(rows: list[dict[str, Any]]) -> None:
     peers = [row for row in rows if row["program"] == "peer"]
     names = sorted({row["peer"] for row in peers})
     print("\nfactorization, best milliseconds")
-    print(f"{'n':>6} {'B':>4} {'batch':>6} {'cpu 1':>9} {'cpu':>9} {'gpu':>9} {'bits':>5}", *names)
+    titles = f"{'cpu 1':>9} {'cpu':>9} {'gpu':>9} {'bits':>5}"
+    print(f"{'n':>6} {'B':>4} {'batch':>6} {'precision':>9} {titles}", *names)
     for row in ours:
-        same = [peer for peer in peers if shape(peer) == shape(row)]
+        # The peers' factors are float64.
+        alike = row["precision"] == "float64"
+        same = [peer for peer in peers if alike and shape(peer) == shape(row)]
         theirs = [
             best(next((peer for peer in same if peer["peer"] == name), {}), "gpu") for name in names
         ]
         print(
-            f"{row['blocks']:6} {row['size']:4} {row['batch']:6}",
+            f"{row['blocks']:6} {row['size']:4} {row['batch']:6} {row['precision']:>9}",
             cell(row.get("cpu_factor_1_ms")),
             cell(best(row, "cpu_factor")),
             cell(best(row, "gpu_factor")),

@@ -1,4 +1,4 @@
-// Factorization and solution on a GPU against the processor.
+// Factorization and solution on a GPU against the processor, with factors of either precision.
 //
 //   linalg_device check                small systems of every kind: equal bits? Exit code 1 if not.
 //   linalg_device bench [SECONDS]      rows of JSON, each measurement for about SECONDS (0.3)
@@ -18,21 +18,30 @@ namespace trajopt::bench {
 namespace {
 
 using linalg::Ordering;
+using linalg::Precision;
 using linalg::SymmetricBlockTridiagonal;
 using Values = std::vector<double>;
+
+constexpr Precision kPrecisions[] = {Precision::float64, Precision::float32};
+
+linalg::Factorization on_processor(const Shape& shape, Ordering ordering, int chunks,
+                                   Precision precision) {
+  return linalg::Factorization(shape.blocks, shape.size, ordering, chunks, shape.batch, Isa::avx512,
+                               precision);
+}
 
 bool same(const Values& a, const Values& b) {
   return std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0;
 }
 
 // Factor, solve and refine on both; prints what differs.
-bool same_bits(const Shape& shape, Ordering ordering, int m) {
+bool same_bits(const Shape& shape, Ordering ordering, int m, Precision precision) {
   const auto [blocks, size, batch] = shape;
   SymmetricBlockTridiagonal a(blocks, size, batch);
   std::vector<signed char> signs;
   fill(a, &signs);
-  linalg::Factorization cpu(blocks, size, ordering, 3, batch);
-  cuda::Factorization gpu(blocks, size, ordering, 3, batch);
+  linalg::Factorization cpu = on_processor(shape, ordering, 3, precision);
+  cuda::Factorization gpu(blocks, size, ordering, 3, batch, precision);
   cpu.factor(a, signs.data(), 1e-3, 2);
   gpu.factor(a, signs.data(), 1e-3);
   const Values rhs = ramp(batch * a.rows() * m);
@@ -44,19 +53,20 @@ bool same_bits(const Shape& shape, Ordering ordering, int m) {
   const auto f = gpu.refine(a, rhs.data(), y.data(), m, 5, 1e-15);
   const bool refined = same(x, y) && e.steps == f.steps;
   if (!solved || !refined) {
-    std::printf("DIFFERENT %s: %d x (%d, %d), %s, %d columns\n", solved ? "refinement" : "solution",
-                batch, blocks, size, linalg::ordering_name(ordering), m);
+    std::printf("DIFFERENT %s: %d x (%d, %d), %s, %s, %d columns\n",
+                solved ? "refinement" : "solution", batch, blocks, size,
+                linalg::ordering_name(ordering), linalg::precision_name(precision), m);
   }
   return solved && refined;
 }
 
-bool same_failure(double bad) {
+bool same_failure(double bad, Precision precision) {
   SymmetricBlockTridiagonal a(9, 11, 3);
   fill(a, nullptr);
   a.diagonal(4, 2)[5 * 12] = bad;
   std::string expected = "none", actual = "none";
-  linalg::Factorization cpu(9, 11, Ordering::cyclic, 1, 3);
-  cuda::Factorization gpu(9, 11, Ordering::cyclic, 1, 3);
+  linalg::Factorization cpu = on_processor({9, 11, 3}, Ordering::cyclic, 1, precision);
+  cuda::Factorization gpu(9, 11, Ordering::cyclic, 1, 3, precision);
   try {
     cpu.factor(a);
   } catch (const FactorizationError& error) {
@@ -75,20 +85,27 @@ bool same_failure(double bad) {
 
 int check() {
   bool good = true;
-  int systems = 0;
+  int systems = 0, failures = 0;
   for (const Shape& shape :
        {Shape{1, 1, 1}, Shape{2, 3, 1}, Shape{7, 8, 1}, Shape{9, 17, 2}, Shape{16, 36, 1},
         Shape{5, 64, 1}, Shape{4, 72, 2}, Shape{3, 130, 1}, Shape{3, 256, 1}, Shape{6, 5, 40}}) {
     for (Ordering ordering : {Ordering::sequential, Ordering::cyclic, Ordering::chunked}) {
       for (int m : {1, 9}) {
-        good = same_bits(shape, ordering, m) && good;
-        ++systems;
+        for (Precision precision : kPrecisions) {
+          good = same_bits(shape, ordering, m, precision) && good;
+          ++systems;
+        }
       }
     }
   }
-  for (double bad : {0.0, -1.0, std::nan(""), double(INFINITY)}) good = same_failure(bad) && good;
-  std::printf("%s: %d systems and 4 failures against the processor\n",
-              good ? "equal bits" : "NOT EQUAL", systems);
+  for (double bad : {0.0, -1.0, std::nan(""), double(INFINITY)}) {
+    for (Precision precision : kPrecisions) {
+      good = same_failure(bad, precision) && good;
+      ++failures;
+    }
+  }
+  std::printf("%s: %d systems and %d failures against the processor\n",
+              good ? "equal bits" : "NOT EQUAL", systems, failures);
   return good ? 0 : 1;
 }
 
@@ -98,8 +115,9 @@ double needed_flops(const Shape& s) {
 }
 
 void measure_gpu(Row& row, const Shape& shape, const SymmetricBlockTridiagonal& a,
-                 const std::vector<signed char>& signs, Ordering ordering, double seconds) {
-  cuda::Factorization gpu(shape.blocks, shape.size, ordering, 2, shape.batch);
+                 const std::vector<signed char>& signs, Ordering ordering, Precision precision,
+                 double seconds) {
+  cuda::Factorization gpu(shape.blocks, shape.size, ordering, 2, shape.batch, precision);
   const cuda::Stream stream;
   cuda::BlockTridiagonal matrix(shape.blocks, shape.size, shape.batch);
   cuda::DeviceBuffer<signed char> device_signs(signs.size());
@@ -127,15 +145,15 @@ void measure_gpu(Row& row, const Shape& shape, const SymmetricBlockTridiagonal& 
   Values actual(host.size()), expected = host;
   x.download(actual.data(), actual.size(), stream);
   stream.synchronize();
-  linalg::Factorization cpu(shape.blocks, shape.size, ordering, 2, shape.batch);
+  linalg::Factorization cpu = on_processor(shape, ordering, 2, precision);
   cpu.factor(a, signs.data(), 0.0, hardware_threads());
   cpu.solve(expected.data(), 1, hardware_threads());
   row.flag(("same_bits_" + name).c_str(), same(actual, expected));
 }
 
 void measure_cpu(Row& row, const Shape& shape, const SymmetricBlockTridiagonal& a,
-                 const std::vector<signed char>& signs, double seconds) {
-  linalg::Factorization cpu(shape.blocks, shape.size, Ordering::automatic, 2, shape.batch);
+                 const std::vector<signed char>& signs, Precision precision, double seconds) {
+  linalg::Factorization cpu = on_processor(shape, Ordering::automatic, 2, precision);
   const Values rhs = ramp(signs.size());
   Values x(rhs.size());
   row.text("cpu_ordering", linalg::ordering_name(cpu.ordering()));
@@ -153,26 +171,30 @@ void measure_cpu(Row& row, const Shape& shape, const SymmetricBlockTridiagonal& 
   }
 }
 
+Row measure(const Shape& shape, Precision precision, double seconds) {
+  Row row;
+  row.text("program", "linalg").text("gpu", cuda::current_device().name);
+  row.number("blocks", shape.blocks).number("size", shape.size).number("batch", shape.batch);
+  row.text("precision", linalg::precision_name(precision));
+  row.number("cpu_threads", hardware_threads());
+  try {
+    SymmetricBlockTridiagonal a(shape.blocks, shape.size, shape.batch);
+    std::vector<signed char> signs;
+    fill(a, &signs);
+    measure_gpu(row, shape, a, signs, Ordering::cyclic, precision, seconds);
+    measure_gpu(row, shape, a, signs, Ordering::chunked, precision, seconds);
+    measure_cpu(row, shape, a, signs, precision, seconds);
+  } catch (const DeviceError& error) {
+    row.text("left_out", error.what());
+  } catch (const std::bad_alloc&) {
+    row.text("left_out", "not enough memory on the host");
+  }
+  return row;
+}
+
 int bench(double seconds) {
-  const cuda::DeviceInfo device = cuda::current_device();
   for (const Shape& shape : shapes()) {
-    Row row;
-    row.text("program", "linalg").text("gpu", device.name);
-    row.number("blocks", shape.blocks).number("size", shape.size).number("batch", shape.batch);
-    row.number("cpu_threads", hardware_threads());
-    try {
-      SymmetricBlockTridiagonal a(shape.blocks, shape.size, shape.batch);
-      std::vector<signed char> signs;
-      fill(a, &signs);
-      measure_gpu(row, shape, a, signs, Ordering::cyclic, seconds);
-      measure_gpu(row, shape, a, signs, Ordering::chunked, seconds);
-      measure_cpu(row, shape, a, signs, seconds);
-    } catch (const DeviceError& error) {
-      row.text("left_out", error.what());
-    } catch (const std::bad_alloc&) {
-      row.text("left_out", "not enough memory on the host");
-    }
-    row.print(stdout);
+    for (Precision precision : kPrecisions) measure(shape, precision, seconds).print(stdout);
   }
   return 0;
 }

@@ -55,12 +55,13 @@ py::tuple refine(Factorization& f, const SymmetricBlockTridiagonal& a, const Arr
 
 void register_cuda_linalg(py::module_& m) {
   py::class_<Factorization>(m, "CudaBlockFactorization")
-      .def(py::init([](int blocks, int size, const std::string& ordering, int chunks, int batch) {
+      .def(py::init([](int blocks, int size, const std::string& ordering, int chunks, int batch,
+                       const std::string& precision) {
              return std::make_unique<Factorization>(blocks, size, parse_ordering(ordering), chunks,
-                                                    batch);
+                                                    batch, parse_precision(precision));
            }),
            py::arg("blocks"), py::arg("size"), py::arg("ordering"), py::arg("chunks"),
-           py::arg("batch"))
+           py::arg("batch"), py::arg("precision") = "float64")
       .def("factor", &factor, py::arg("a"), py::arg("signs"), py::arg("regularization"),
            py::arg("threads"))
       .def("solve", &solve, py::arg("rhs"), py::arg("threads"))

@@ -17,13 +17,6 @@ namespace {
 using linalg::Factorization;
 using linalg::SymmetricBlockTridiagonal;
 
-linalg::Precision parse_precision(const std::string& name) {
-  for (linalg::Precision precision : {linalg::Precision::float64, linalg::Precision::float32}) {
-    if (name == linalg::precision_name(precision)) return precision;
-  }
-  throw ArgumentError("precision is '" + name + "', expected 'float64' or 'float32'");
-}
-
 SymmetricBlockTridiagonal make_matrix(const Array& diagonal, const Array& lower) {
   require_shape(diagonal, {-1, -1, -1, -1}, "diagonal");
   const long batch = diagonal.shape(0), blocks = diagonal.shape(1), size = diagonal.shape(2);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "arrays.h"
+#include "trajopt/linalg/precision.h"
 #include "trajopt/linalg/schedule.h"
 
 namespace trajopt::bindings {
@@ -20,6 +21,13 @@ inline linalg::Ordering parse_ordering(const std::string& name) {
   }
   throw ArgumentError("ordering = '" + name +
                       "', expected 'auto', 'sequential', 'cyclic', 'chunked' or 'frontal'");
+}
+
+inline linalg::Precision parse_precision(const std::string& name) {
+  for (linalg::Precision precision : {linalg::Precision::float64, linalg::Precision::float32}) {
+    if (name == linalg::precision_name(precision)) return precision;
+  }
+  throw ArgumentError("precision is '" + name + "', expected 'float64' or 'float32'");
 }
 
 // rhs as (batch, rows, m); returns m.

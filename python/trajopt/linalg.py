@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 import trajopt._core as _core
 from trajopt.devices import Device, choose_device
-from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError, FactorizationError
+from trajopt.errors import ArgumentError, ArgumentTypeError, FactorizationError
 
 __all__ = ["Factorization", "Ordering", "Precision", "SymmetricBlockTridiagonal"]
 
@@ -153,8 +153,7 @@ class SymmetricBlockTridiagonal:
             Number of sweeps of ``ordering="chunked"``.
         precision : {"float64", "float32"}
             Of the factors.  With ``"float32"`` a solution is refined to the accuracy of float64 by
-            default, as long as the matrix is not ill-conditioned beyond float32.  A GPU has
-            float64 only.
+            default, as long as the matrix is not ill-conditioned beyond float32.
 
         Returns
         -------
@@ -166,8 +165,7 @@ class SymmetricBlockTridiagonal:
             If a pivot is not finite, zero to working accuracy or of the wrong sign; it names the
             block and the row inside it.
         DeviceError
-            If `device` is ``"cuda"`` and there is no GPU to use, or too little memory on it, or
-            `precision` is not its own.
+            If `device` is ``"cuda"`` and there is no GPU to use, or too little memory on it.
 
         Examples
         --------
@@ -185,12 +183,6 @@ expected a positive one (regularization 0)
         if precision not in _PRECISIONS:
             raise ArgumentError(f"precision is {precision!r}, expected one of {_PRECISIONS}")
         where = choose_device(device)
-        if where == "cuda" and precision != "float64":
-            if device == "cuda":
-                raise DeviceError(
-                    f"device 'cuda' has factors in float64 only, precision is {precision!r}"
-                )
-            where = "cpu"
         _require_integer(chunks, "chunks", 1)
         if not (np.isfinite(regularization) and regularization >= 0.0):
             raise ArgumentError(
@@ -247,11 +239,9 @@ class Factorization:
         self._precision: Precision = precision
         self._threads = threads
         self._device: Device = device
-        shape = (matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch)
-        self._core = (
-            _core.CudaBlockFactorization(*shape)
-            if device == "cuda"
-            else _core.BlockFactorization(*shape, precision)
+        kind = _core.CudaBlockFactorization if device == "cuda" else _core.BlockFactorization
+        self._core = kind(
+            matrix.blocks, matrix.block_size, ordering, chunks, matrix._batch, precision
         )
         self._core.factor(matrix._core, signs, regularization, threads)
 

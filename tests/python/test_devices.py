@@ -46,11 +46,24 @@ def test_auto_takes_the_gpu(monkeypatch):
     assert choose_device("cpu") == "cpu"
 
 
-def test_single_precision_is_the_processors(monkeypatch):
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_precision_does_not_choose_the_device(monkeypatch, precision):
+    asked = []
+
+    class Recorded:
+        def __init__(self, *arguments):
+            asked.append(arguments)
+
+        def factor(self, *arguments):
+            pass
+
     pretend(monkeypatch, "")
-    assert MATRIX.factor(device="auto", precision="float32").device == "cpu"
-    with pytest.raises(trajopt.DeviceError, match="float64 only, precision is 'float32'"):
-        MATRIX.factor(device="cuda", precision="float32")
+    monkeypatch.setattr(_core, "CudaBlockFactorization", Recorded, raising=False)
+    for device in ("auto", "cuda"):
+        factors = MATRIX.factor(device=device, precision=precision)
+        assert (factors.device, factors.precision) == ("cuda", precision)
+    assert asked == 2 * [(3, 2, "auto", 2, 1, precision)]
+    assert MATRIX.factor(device="cpu", precision=precision).device == "cpu"
 
 
 @pytest.mark.parametrize("device", ["gpu", "", "CUDA", "cuda:1"])

@@ -4,13 +4,10 @@
 #include <limits>
 
 #include "trajopt/linalg/block_kernels.h"
+#include "trajopt/linalg/pivot.h"
 #include "trajopt/linalg/tile.h"
 
 namespace trajopt::linalg::inline TRAJOPT_ISA {
-
-// A pivot that lost all its digits to cancellation counts as zero.
-template <class T>
-inline constexpr T kZeroPivot = 4 * std::numeric_limits<T>::epsilon();
 
 template <class T>
 TRAJOPT_ALWAYS_INLINE bool good_pivot(T d, T inverse, T sign, T before) {
@@ -18,7 +15,7 @@ TRAJOPT_ALWAYS_INLINE bool good_pivot(T d, T inverse, T sign, T before) {
   const auto magnitude = [](T x) { return x < 0 ? -x : x; };
   // Without branches: they would be half of the work on a corner.
   return static_cast<bool>((magnitude(d) <= kMost) & (magnitude(inverse) <= kMost) &
-                           (d * sign > 0) & (magnitude(d) > kZeroPivot<T> * magnitude(before)));
+                           (d * sign > 0) & (magnitude(d) > kPivotZero<T> * magnitude(before)));
 }
 
 template <class T>

@@ -20,10 +20,6 @@ Ordering resolve(Ordering ordering, int blocks, int batch) {
 
 }  // namespace
 
-const char* precision_name(Precision precision) {
-  return precision == Precision::float64 ? "float64" : "float32";
-}
-
 Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks, int batch,
                              Isa isa, Precision precision)
     : blocks_(blocks), size_(size), batch_(batch) {

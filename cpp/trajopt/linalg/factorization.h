@@ -11,16 +11,11 @@
 #include "trajopt/linalg/block_buffer.h"
 #include "trajopt/linalg/block_tridiagonal.h"
 #include "trajopt/linalg/factors.h"
+#include "trajopt/linalg/precision.h"
 #include "trajopt/linalg/refinement.h"
 #include "trajopt/linalg/schedule.h"
 
 namespace trajopt::linalg {
-
-// Scalar type of the factors. The matrix, right-hand sides and residuals are float64 in any case,
-// so refine() recovers full accuracy from float32 factors of a matrix they can represent.
-enum class Precision { float64, float32 };
-
-const char* precision_name(Precision precision);
 
 class Factorization {
  public:

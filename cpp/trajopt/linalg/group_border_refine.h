@@ -39,7 +39,7 @@ struct BorderResidualWork {
   TRAJOPT_HD long jobs() const { return vector_jobs(entries(), s, v.m); }
   TRAJOPT_HD int ranks() const { return vector_ranks(widest(), v.m); }
   std::size_t bytes() const {
-    return VectorSpace::bytes(widest(), false) + sizeof(double) * kMaxRanks;
+    return VectorSpace<double>::bytes(widest(), false) + sizeof(double) * kMaxRanks;
   }
 
   template <class Group>
@@ -47,7 +47,7 @@ struct BorderResidualWork {
     const VectorJob job(number, entries(), s, v);
     if (job.skipped) return;
     double* peaks = static_cast<double*>(memory);
-    const VectorSpace space(peaks + kMaxRanks, widest());
+    const VectorSpace<double> space(peaks + kMaxRanks, widest());
     const int i = job.entry, columns = job.columns;
     const int n = i < s.blocks ? s.size : b.border;
     const long at = job.item * job.stride + static_cast<long>(i) * s.size * v.m +
@@ -69,7 +69,7 @@ struct BorderResidualWork {
 
   template <class Group>
   TRAJOPT_HD void subtract_chain_row(const Group& group, const VectorJob& job,
-                                     const VectorSpace& space) const {
+                                     const VectorSpace<double>& space) const {
     const int i = job.entry, n = s.size, columns = job.columns;
     const auto x = [&](int block) { return job.part(s, v.x, block, v.m); };
     if (i > 0) {
@@ -90,7 +90,7 @@ struct BorderResidualWork {
 
   template <class Group>
   TRAJOPT_HD void subtract_border_row(const Group& group, const VectorJob& job,
-                                      const VectorSpace& space) const {
+                                      const VectorSpace<double>& space) const {
     const int n = b.border, columns = job.columns;
     for (int p = 0; p < b.parts(); ++p) {
       const long first = b.part(p);

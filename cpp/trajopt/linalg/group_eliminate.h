@@ -1,5 +1,5 @@
 // Elimination of one block with its couplings by a group of threads: A = Wt D W, U = W^-T S and
-// V = D^-1 U, with the bits of the SIMD kernel.
+// V = D^-1 U, with the bits of the SIMD kernel, in the scalar type T of the factors.
 //
 // Panels of kPanel rows, the last one first. Every column of the trapezoid (block | left coupling |
 // right coupling) is one chain per element, computed by one rank in registers from the rows below.
@@ -11,12 +11,13 @@
 //     couplings' columns of this panel
 //
 // Floor for a block of size B with both couplings, cold caches: 19/3 B^3 flops with its share of
-// the updates, of which 7/3 B^3 here; 3 B^2 doubles read, 5 B^2 written.
+// the updates, of which 7/3 B^3 here; 3 B^2 numbers read, 5 B^2 written.
 #pragma once
 
 #include <cstddef>
 
 #include "trajopt/base/group.h"
+#include "trajopt/linalg/block_source.h"
 #include "trajopt/linalg/pivot.h"
 
 namespace trajopt::linalg::inline TRAJOPT_ISA {
@@ -24,6 +25,9 @@ namespace trajopt::linalg::inline TRAJOPT_ISA {
 // c - a*b with one rounding.
 TRAJOPT_HD inline double minus_product(double c, double a, double b) {
   return __builtin_fma(-a, b, c);
+}
+TRAJOPT_HD inline float minus_product(float c, float a, float b) {
+  return __builtin_fmaf(-a, b, c);
 }
 
 namespace group {
@@ -33,35 +37,39 @@ inline constexpr int kColumns = 2;  // a rank computes at a time
 inline constexpr int kWarp = 32;
 
 // Element (k, j) of a coupling is source[k * row + j * column]: a transposed one is read in place.
-struct Coupling {
-  const double* source = nullptr;
+template <class T>
+struct BasicCoupling {
+  BlockSource<T> source;
   long row = 0, column = 0;
-  double* v = nullptr;  // may be the source
-  double* u = nullptr;  // nullptr: there is no such neighbour
+  T* v = nullptr;  // may be the source
+  T* u = nullptr;  // nullptr: there is no such neighbour
 };
 
-struct Elimination {
+template <class T>
+struct BasicElimination {
   int size = 0;
-  long ld = 0;                       // of w, u and the couplings' v and u
-  const double* diagonal = nullptr;  // lower triangle; may be w
+  long ld = 0;              // of w, u and the couplings' v and u
+  BlockSource<T> diagonal;  // lower triangle; may be w
   long diagonal_ld = 0;
   const double* original = nullptr;    // the block before any update, leading dimension `size`
   const signed char* signs = nullptr;  // nullptr: all positive
   double regularization = 0.0;
-  double* w = nullptr;        // out: its strict lower triangle
-  double* u = nullptr;        // scratch: D W
-  double* inverse = nullptr;  // out: the diagonal of D^-1
-  Coupling left, right;
+  T* w = nullptr;        // out: its strict lower triangle
+  T* u = nullptr;        // scratch: D W
+  T* inverse = nullptr;  // out: the diagonal of D^-1
+  BasicCoupling<T> left, right;
 };
 
+template <class T>
 struct alignas(16) PanelRow {
-  double v[kPanel];
+  T v[kPanel];
 };
 
+template <class T>
 struct Corner {
-  double u[kPanel][kPanel];
-  double w[kPanel][kPanel];
-  double inverse[kPanel];
+  T u[kPanel][kPanel];
+  T w[kPanel][kPanel];
+  T inverse[kPanel];
 };
 
 struct FailedPivot {
@@ -70,30 +78,37 @@ struct FailedPivot {
 };
 
 // What the ranks share; shared memory on a GPU.
-struct EliminationSpace {
-  Corner* corners;
+template <class T>
+struct BasicEliminationSpace {
+  Corner<T>* corners;
   FailedPivot* failed;
-  PanelRow* rows;
+  PanelRow<T>* rows;
   int size;
 
-  TRAJOPT_HD EliminationSpace(void* memory, int size_of_block)
-      : corners(static_cast<Corner*>(memory)),
+  TRAJOPT_HD BasicEliminationSpace(void* memory, int size_of_block)
+      : corners(static_cast<Corner<T>*>(memory)),
         failed(reinterpret_cast<FailedPivot*>(corners + 2)),
-        rows(reinterpret_cast<PanelRow*>(failed + 1)),
-        size(size_of_block) {}
+        rows(reinterpret_cast<PanelRow<T>*>(failed + 1)),
+        size(size_of_block) {
+    static_assert((2 * sizeof(Corner<T>) + sizeof(FailedPivot)) % alignof(PanelRow<T>) == 0);
+  }
   static constexpr std::size_t bytes(int size) {
-    return 2 * sizeof(Corner) + sizeof(FailedPivot) + 2 * sizeof(PanelRow) * size;
+    return 2 * sizeof(Corner<T>) + sizeof(FailedPivot) + 2 * sizeof(PanelRow<T>) * size;
   }
 
   // Two panels are in work at a time.
-  TRAJOPT_HD Corner& corner(int panel) const { return corners[panel % 2]; }
+  TRAJOPT_HD Corner<T>& corner(int panel) const { return corners[panel % 2]; }
   // Row q holds w[q][first row of the panel + r]; zeros behind the panel's last row.
-  TRAJOPT_HD PanelRow* w(int panel) const { return rows + panel % 2 * static_cast<long>(size); }
+  TRAJOPT_HD PanelRow<T>* w(int panel) const { return rows + panel % 2 * static_cast<long>(size); }
 };
 
+using Elimination = BasicElimination<double>;
+using EliminationSpace = BasicEliminationSpace<double>;
+
 // Element (i, j) of the corner of the panel that starts at row k0, from the rows behind `end`.
-TRAJOPT_HD inline double corner_element(const Elimination& e, int k0, int end, int i, int j) {
-  double a = e.diagonal[(k0 + i) * e.diagonal_ld + k0 + j];
+template <class T>
+TRAJOPT_HD inline T corner_element(const BasicElimination<T>& e, int k0, int end, int i, int j) {
+  T a = e.diagonal[(k0 + i) * e.diagonal_ld + k0 + j];
   for (int q = e.size - 1; q >= end; --q) {
     a = minus_product(a, e.w[q * e.ld + k0 + i], e.u[q * e.ld + k0 + j]);
   }
@@ -101,23 +116,27 @@ TRAJOPT_HD inline double corner_element(const Elimination& e, int k0, int end, i
 }
 
 // Factors the corner of `rows` rows in registers; writes its part of W. One rank's work.
-TRAJOPT_HD inline void factor_corner(const Elimination& e, int k0, int rows, Corner& corner,
-                                     FailedPivot& failed) {
-  double u[kPanel][kPanel];
+template <class T>
+TRAJOPT_HD inline void factor_corner(const BasicElimination<T>& e, int k0, int rows,
+                                     Corner<T>& corner, FailedPivot& failed) {
+  const T regularization = static_cast<T>(e.regularization);
+  T u[kPanel][kPanel];
   TRAJOPT_UNROLL
   for (int r = 0; r < kPanel; ++r) {
     TRAJOPT_UNROLL
-    for (int s = 0; s <= r; ++s) u[r][s] = r < rows ? corner.u[r][s] : 0.0;
+    for (int s = 0; s <= r; ++s) u[r][s] = r < rows ? corner.u[r][s] : T(0);
   }
   TRAJOPT_UNROLL
   for (int r = kPanel - 1; r >= 0; --r) {
     if (r < rows) {
       const int k = k0 + r;
-      const double sign = e.signs ? static_cast<double>(e.signs[k]) : 1.0;
-      const double shift = sign * e.regularization;
-      const double d = u[r][r] + shift;
-      const double inverse = 1.0 / d;
-      if (!pivot_is_good(d, inverse, sign, e.original[k * (e.size + 1L)] + shift)) {
+      const T sign = e.signs ? static_cast<T>(e.signs[k]) : T(1);
+      // Added to a zero, -0 does not change its sign.
+      const T shift = e.regularization != 0.0 ? sign * regularization : T(-0.0);
+      const T d = u[r][r] + shift;
+      const T inverse = T(1) / d;
+      const T before = static_cast<T>(e.original[k * (e.size + 1L)]) + shift;
+      if (!pivot_is_good(d, inverse, sign, before)) {
         failed.row = k;
         failed.value = d;
         return;
@@ -125,7 +144,7 @@ TRAJOPT_HD inline void factor_corner(const Elimination& e, int k0, int rows, Cor
       corner.inverse[r] = e.inverse[k] = inverse;
       TRAJOPT_UNROLL
       for (int s = r - 1; s >= 0; --s) {
-        const double w = u[r][s] * inverse;
+        const T w = u[r][s] * inverse;
         corner.w[r][s] = e.w[k * e.ld + k0 + s] = w;
         TRAJOPT_UNROLL
         for (int j = 0; j <= s; ++j) u[s][j] = minus_product(u[s][j], w, u[r][j]);
@@ -135,34 +154,35 @@ TRAJOPT_HD inline void factor_corner(const Elimination& e, int k0, int rows, Cor
 }
 
 // Where the columns of a part of the trapezoid come from and go to.
+template <class T>
 struct Columns {
-  const double* source;
+  BlockSource<T> source;
   long row, column;
-  double *v, *u;
+  T *v, *u;
 };
 
 // Rows k0 .. k0 + rows - 1 of N columns, given as pointers to each column's part and its index
 // there. Full: rows == kPanel.
-template <bool Full, int N>
-TRAJOPT_HD inline void eliminate_columns(const Elimination& e, int k0, int rows,
-                                         const Corner& corner, const PanelRow* w,
-                                         const Columns (&part)[N], const int (&c)[N]) {
-  double a[kPanel][N];
+template <bool Full, class T, int N>
+TRAJOPT_HD inline void eliminate_columns(const BasicElimination<T>& e, int k0, int rows,
+                                         const Corner<T>& corner, const PanelRow<T>* w,
+                                         const Columns<T> (&part)[N], const int (&c)[N]) {
+  T a[kPanel][N];
   const auto has = [&](int r) { return Full || r < rows; };
   TRAJOPT_UNROLL
   for (int r = 0; r < kPanel; ++r) {
     TRAJOPT_UNROLL
     for (int n = 0; n < N; ++n) {
-      a[r][n] = has(r) ? part[n].source[(k0 + r) * part[n].row + c[n] * part[n].column] : 0.0;
+      a[r][n] = has(r) ? part[n].source[(k0 + r) * part[n].row + c[n] * part[n].column] : T(0);
     }
   }
-  const double* u[N];
+  const T* u[N];
   for (int n = 0; n < N; ++n) u[n] = part[n].u + (e.size - 1) * e.ld + c[n];
   for (int q = e.size - 1; q >= k0 + rows; --q) {
-    const PanelRow factor = w[q];
+    const PanelRow<T> factor = w[q];
     TRAJOPT_UNROLL
     for (int n = 0; n < N; ++n) {
-      const double b = *u[n];
+      const T b = *u[n];
       u[n] -= e.ld;
       TRAJOPT_UNROLL
       for (int r = 0; r < kPanel; ++r) a[r][n] = minus_product(a[r][n], factor.v[r], b);
@@ -182,14 +202,14 @@ TRAJOPT_HD inline void eliminate_columns(const Elimination& e, int k0, int rows,
 }
 
 // This rank's share of `count` columns, dealt out to the ranks from `first` on.
-template <class PartOf>
-TRAJOPT_HD inline void eliminate_share(const Elimination& e, int k0, int rows, const Corner& corner,
-                                       const PanelRow* w, int worker, int workers, int count,
-                                       const PartOf& part_of) {
+template <class T, class PartOf>
+TRAJOPT_HD inline void eliminate_share(const BasicElimination<T>& e, int k0, int rows,
+                                       const Corner<T>& corner, const PanelRow<T>* w, int worker,
+                                       int workers, int count, const PartOf& part_of) {
   for (int i = worker; i < count; i += kColumns * workers) {
     int c[kColumns] = {i, i + workers};
     if (c[1] < count) {
-      const Columns part[] = {part_of(c[0]), part_of(c[1])};
+      const Columns<T> part[] = {part_of(c[0]), part_of(c[1])};
       if (rows == kPanel) {
         eliminate_columns<true>(e, k0, rows, corner, w, part, c);
       } else {
@@ -197,7 +217,7 @@ TRAJOPT_HD inline void eliminate_share(const Elimination& e, int k0, int rows, c
       }
     } else {
       int only[1] = {i};
-      const Columns part[] = {part_of(only[0])};
+      const Columns<T> part[] = {part_of(only[0])};
       eliminate_columns<false>(e, k0, rows, corner, w, part, only);
     }
   }
@@ -205,18 +225,18 @@ TRAJOPT_HD inline void eliminate_share(const Elimination& e, int k0, int rows, c
 
 // Returns the failing row, whose pivot is then in space.failed, or -1; the same to every rank. The
 // group may reuse the space after its next barrier.
-template <class Group>
-TRAJOPT_HD inline int eliminate(const Group& group, const Elimination& e,
-                                const EliminationSpace& space) {
+template <class Group, class T>
+TRAJOPT_HD inline int eliminate(const Group& group, const BasicElimination<T>& e,
+                                const BasicEliminationSpace<T>& space) {
   const int size = e.size;
   const int couplings = (e.left.u ? size : 0) + (e.right.u ? size : 0);
-  const auto block_part = [&](int&) { return Columns{e.diagonal, e.diagonal_ld, 1, e.w, e.u}; };
+  const auto block_part = [&](int&) { return Columns<T>{e.diagonal, e.diagonal_ld, 1, e.w, e.u}; };
   // Columns of the couplings are numbered through; `c` becomes the index in its own.
   const auto coupling_part = [&](int& c) {
     const bool left = e.left.u && c < size;
     if (!left && e.left.u) c -= size;
-    const Coupling& s = left ? e.left : e.right;
-    return Columns{s.source, s.row, s.column, s.v, s.u};
+    const BasicCoupling<T>& s = left ? e.left : e.right;
+    return Columns<T>{s.source, s.row, s.column, s.v, s.u};
   };
 
   int end = size, panel = 0;
@@ -230,7 +250,7 @@ TRAJOPT_HD inline int eliminate(const Group& group, const Elimination& e,
     }
     for (int t = rank; t < (size - last) * kPanel; t += group.size()) {
       const int q = last + t / kPanel, r = t % kPanel;
-      space.w(index)[q].v[r] = r < rows ? e.w[q * e.ld + k0 + r] : 0.0;
+      space.w(index)[q].v[r] = r < rows ? e.w[q * e.ld + k0 + r] : T(0);
     }
   };
   const auto factor = [&](int last, int index) {
@@ -247,8 +267,8 @@ TRAJOPT_HD inline int eliminate(const Group& group, const Elimination& e,
   while (end > 0) {
     if (space.failed->row >= 0) return space.failed->row;
     const int rows = height(end), k0 = end - rows;
-    const Corner& corner = space.corner(panel);
-    const PanelRow* w = space.w(panel);
+    const Corner<T>& corner = space.corner(panel);
+    const PanelRow<T>* w = space.w(panel);
     group.phase([&](int rank) {
       eliminate_share(e, k0, rows, corner, w, rank, group.size(), k0, block_part);
     });

@@ -1,5 +1,5 @@
-// The launches of iterative refinement. Which columns go on is decided where the residual is, so
-// that a device needs no answer from the host.
+// The launches of iterative refinement: of residuals in float64, whatever the factors are. Which
+// columns go on is decided where the residual is, so that a device needs no answer from the host.
 #pragma once
 
 #include "trajopt/linalg/group_work.h"
@@ -37,7 +37,7 @@ TRAJOPT_HD inline void raise_norm(const Group& group, const double* values, int 
 struct ResidualWork {
   static constexpr const char* kName = "residual";
   static constexpr int kMaxRanks = 256;
-  GroupSystem s;
+  GroupMatrix s;
   GroupVectors v;  // x, or nullptr
   const double* rhs;
   double* r;
@@ -46,7 +46,7 @@ struct ResidualWork {
   TRAJOPT_HD long jobs() const { return vector_jobs(s.blocks, s, v.m); }
   TRAJOPT_HD int ranks() const { return vector_ranks(s.size, v.m); }
   std::size_t bytes() const {
-    return VectorSpace::bytes(s.size, false) + sizeof(double) * kMaxRanks;
+    return VectorSpace<double>::bytes(s.size, false) + sizeof(double) * kMaxRanks;
   }
 
   template <class Group>
@@ -54,7 +54,7 @@ struct ResidualWork {
     const VectorJob job(number, s.blocks, s, v);
     if (job.skipped) return;
     double* peaks = static_cast<double*>(memory);
-    const VectorSpace space(peaks + kMaxRanks, s.size);
+    const VectorSpace<double> space(peaks + kMaxRanks, s.size);
     const int i = job.entry, n = s.size, columns = job.columns;
     const long at =
         (static_cast<long>(job.item) * s.blocks + i) * n * v.m + job.chunk * kGroupColumns;
@@ -84,7 +84,7 @@ struct DecideWork {
   static constexpr int kMaxRanks = 256;
   enum class When { scale, start, step };
   When when;
-  GroupSystem s;
+  GroupMatrix s;
   int chunks;  // of an item's columns
   int max_steps;
   double tolerance;
@@ -142,7 +142,7 @@ struct DecideWork {
 struct CorrectWork {
   static constexpr const char* kName = "correct";
   static constexpr int kMaxRanks = 256;
-  GroupSystem s;
+  GroupMatrix s;
   GroupVectors v;
   const double* r;
   double* saved;

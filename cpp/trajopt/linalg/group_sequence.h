@@ -2,7 +2,10 @@
 // of the next begin.
 #pragma once
 
+#include <type_traits>
+
 #include "trajopt/linalg/group_refine.h"
+#include "trajopt/linalg/group_round.h"
 #include "trajopt/linalg/group_work.h"
 
 namespace trajopt::linalg {
@@ -14,29 +17,45 @@ struct PlanEntries {
 };
 
 // The failures have to be reset before. After one, the stages that follow do nothing.
-template <class Executor>
+template <class Executor, class T>
 void sequence_factor(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
-                     const GroupSystem& s) {
+                     const BasicGroupSystem<T>& s) {
   for (const PlannedLevel& level : plan.levels) {
-    run(group::EliminateWork{s, at.eliminations + level.eliminations_begin,
-                             level.eliminations_end - level.eliminations_begin, level.stage});
-    run(group::UpdateWork{s, at.updates + level.updates_begin,
-                          level.updates_end - level.updates_begin, level.stage});
+    run(group::EliminateWork<T>{s, at.eliminations + level.eliminations_begin,
+                                level.eliminations_end - level.eliminations_begin, level.stage});
+    run(group::UpdateWork<T>{s, at.updates + level.updates_begin,
+                             level.updates_end - level.updates_begin, level.stage});
   }
 }
 
-template <class Executor>
-void sequence_solve(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
-                    const GroupSystem& s, const GroupVectors& v) {
+// Both sweeps over right-hand sides in the factors' own scalar type.
+template <class Executor, class T>
+void sequence_sweeps(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
+                     const BasicGroupSystem<T>& s, const BasicGroupVectors<T>& v) {
   for (const PlannedLevel& level : plan.levels) {
-    run(group::ForwardWork{s, v, at.eliminations + level.eliminations_begin,
-                           level.eliminations_end - level.eliminations_begin});
-    run(group::GatherWork{s, v, at.updates + level.updates_begin,
-                          level.fills_begin - level.updates_begin});
+    run(group::ForwardWork<T>{s, v, at.eliminations + level.eliminations_begin,
+                              level.eliminations_end - level.eliminations_begin});
+    run(group::GatherWork<T>{s, v, at.updates + level.updates_begin,
+                             level.fills_begin - level.updates_begin});
   }
   for (auto level = plan.levels.rbegin(); level != plan.levels.rend(); ++level) {
-    run(group::BackwardWork{s, v, at.eliminations + level->eliminations_begin,
-                            level->eliminations_end - level->eliminations_begin});
+    run(group::BackwardWork<T>{s, v, at.eliminations + level->eliminations_begin,
+                               level->eliminations_end - level->eliminations_begin});
+  }
+}
+
+// Right-hand sides in float64; factors of another type need room to round them.
+template <class Executor, class T>
+void sequence_solve(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
+                    const BasicGroupSystem<T>& s, const GroupVectors& v,
+                    const GroupRounding& room = {}) {
+  if constexpr (std::is_same_v<T, double>) {
+    sequence_sweeps(run, plan, at, s, v);
+  } else {
+    run(group::PeakWork{s, v, room.peak});
+    run(group::RoundWork{s, v, room});
+    sequence_sweeps(run, plan, at, s, BasicGroupVectors<T>{room.x, v.m, v.active});
+    run(group::RestoreWork{s, v, room});
   }
 }
 
@@ -48,11 +67,12 @@ struct RefineArrays {
   double* norm;  // lanes; zero on entry and on return
   GroupRefinement* states;
   int* active;
+  GroupRounding room = {};  // of the solutions
 };
 
 // Up to the first residual.
 template <class Executor>
-void sequence_refine_start(const Executor& run, const GroupSystem& s, double* x, int m,
+void sequence_refine_start(const Executor& run, const GroupMatrix& s, double* x, int m,
                            int max_steps, double tolerance, const RefineArrays& a) {
   using Decide = group::DecideWork;
   const int chunks = column_chunks(m);
@@ -63,14 +83,14 @@ void sequence_refine_start(const Executor& run, const GroupSystem& s, double* x,
 }
 
 // One correction. At most max_steps of them change anything, so that many finish the refinement.
-template <class Executor>
+template <class Executor, class T>
 void sequence_refine_step(const Executor& run, const GroupPlan& plan, const PlanEntries& at,
-                          const GroupSystem& s, double* x, int m, int max_steps, double tolerance,
-                          const RefineArrays& a) {
+                          const BasicGroupSystem<T>& s, double* x, int m, int max_steps,
+                          double tolerance, const RefineArrays& a) {
   using Decide = group::DecideWork;
   const int chunks = column_chunks(m);
   const GroupVectors going_on{x, m, a.active};
-  sequence_solve(run, plan, at, s, {a.r, m, a.active});
+  sequence_solve(run, plan, at, s, {a.r, m, a.active}, a.room);
   run(group::CorrectWork{s, going_on, a.r, a.saved, nullptr});
   run(group::ResidualWork{s, going_on, a.rhs, a.r, a.norm});
   run(Decide{Decide::When::step, s, chunks, max_steps, tolerance, a.norm, a.states, a.active});

@@ -19,53 +19,61 @@ struct GroupFailure {
   double value;
 };
 
-struct GroupSystem {
-  int blocks = 0, size = 0, batch = 0, slots = 0, runs = 0;
-  long ld = 0;                             // of the blocks in w, couplings and scratch
-  bool stage_w = false;                    // solve with a copy of W in shared memory
-  const double* diagonal = nullptr;        // the matrix: (batch, blocks, size, size)
-  const double* lower = nullptr;           // (batch, blocks - 1, size, size)
-  const signed char* signs = nullptr;      // (batch, blocks * size)
-  const double* regularization = nullptr;  // one number
-  double* w = nullptr;                     // (batch, blocks) blocks
-  double* couplings = nullptr;             // (batch, slots) blocks: V
-  double* inverse = nullptr;               // (batch, blocks * size): D^-1
-  double* scratch = nullptr;  // (batch, runs, 3) blocks: D W, U of the left and right coupling
-  GroupFailure* failures = nullptr;  // (batch, runs), of the stage in which an item failed
-  int* failed_stage = nullptr;       // (batch,): kNever or the first stage with a failure
-  int* failed_item = nullptr;        // kNever or the first item with a failure
+// The matrices, and which of them the launches are for.
+struct GroupMatrix {
+  int blocks = 0, size = 0, batch = 0;
+  const double* diagonal = nullptr;  // (batch, blocks, size, size)
+  const double* lower = nullptr;     // (batch, blocks - 1, size, size)
   // Where given: how many items these launches are for, and which. `batch` then is the number of
   // places in a launch, which may be larger.
   const int* listed = nullptr;
-
-  static constexpr int kNever = 0x7f7f7f7f;  // every byte the same: a device can set it as memory
 
   // The item in a place of a launch; -1: none.
   TRAJOPT_HD int item_at(int place) const {
     if (listed == nullptr) return place;
     return place < listed[0] ? listed[1 + place] : -1;
   }
-  TRAJOPT_HD long block_length() const { return ld * size; }
   TRAJOPT_HD const double* diagonal_of(int item, int block) const {
     return diagonal + (static_cast<long>(item) * blocks + block) * size * size;
   }
   TRAJOPT_HD const double* lower_of(int item, int block) const {
     return lower + (static_cast<long>(item) * (blocks - 1) + block) * size * size;
   }
+};
+
+// With factors in scalar type T.
+template <class T>
+struct BasicGroupSystem : GroupMatrix {
+  int slots = 0, runs = 0;
+  long ld = 0;                             // of the blocks in w, couplings and scratch
+  bool stage_w = false;                    // solve with a copy of W in shared memory
+  const signed char* signs = nullptr;      // (batch, blocks * size)
+  const double* regularization = nullptr;  // one number
+  T* w = nullptr;                          // (batch, blocks) blocks
+  T* couplings = nullptr;                  // (batch, slots) blocks: V
+  T* inverse = nullptr;                    // (batch, blocks * size): D^-1
+  T* scratch = nullptr;  // (batch, runs, 3) blocks: D W, U of the left and right coupling
+  GroupFailure* failures = nullptr;  // (batch, runs), of the stage in which an item failed
+  int* failed_stage = nullptr;       // (batch,): kNever or the first stage with a failure
+  int* failed_item = nullptr;        // kNever or the first item with a failure
+
+  static constexpr int kNever = 0x7f7f7f7f;  // every byte the same: a device can set it as memory
+
+  TRAJOPT_HD long block_length() const { return ld * size; }
   TRAJOPT_HD const signed char* signs_of(int item, int block) const {
     return signs + (static_cast<long>(item) * blocks + block) * size;
   }
-  TRAJOPT_HD double* w_of(int item, int block) const {
+  TRAJOPT_HD T* w_of(int item, int block) const {
     return w + (static_cast<long>(item) * blocks + block) * block_length();
   }
-  TRAJOPT_HD double* coupling(int item, int slot) const {
+  TRAJOPT_HD T* coupling(int item, int slot) const {
     return couplings + (static_cast<long>(item) * slots + slot) * block_length();
   }
-  TRAJOPT_HD double* inverse_of(int item, int block) const {
+  TRAJOPT_HD T* inverse_of(int item, int block) const {
     return inverse + (static_cast<long>(item) * blocks + block) * size;
   }
   // which: 0 the block itself, 1 left, 2 right.
-  TRAJOPT_HD double* scratch_of(int item, int run, int which) const {
+  TRAJOPT_HD T* scratch_of(int item, int run, int which) const {
     return scratch + ((static_cast<long>(item) * runs + run) * 3 + which) * block_length();
   }
   TRAJOPT_HD GroupFailure& failure(int item, int run) const {
@@ -73,16 +81,32 @@ struct GroupSystem {
   }
 };
 
+using GroupSystem = BasicGroupSystem<double>;
+
 // Leading dimension of the blocks above: whole 32-byte sectors of memory.
-inline long group_ld(int size) { return (size + 3L) / 4 * 4; }
+template <class T = double>
+long group_ld(int size) {
+  constexpr long sector = 32 / static_cast<long>(sizeof(T));
+  return (size + sector - 1) / sector * sector;
+}
 
 // x: right-hand sides and then solutions, (batch, blocks * size, m). Where `active` is given, the
 // columns of item i from 8 c on are left alone unless active[i * column_chunks(m) + c].
-struct GroupVectors {
-  double* x = nullptr;
+template <class T>
+struct BasicGroupVectors {
+  T* x = nullptr;
   int m = 1;
   const int* active = nullptr;
   long stride = 0;  // from item to item, where something stands between; 0: nothing does
+};
+
+using GroupVectors = BasicGroupVectors<double>;
+
+// Room in which right-hand sides are solved for with float32 factors (group_round.h).
+struct GroupRounding {
+  float* x = nullptr;       // (batch, blocks * size, m)
+  double* peak = nullptr;   // (batch, m): largest magnitudes; zero on entry and on return
+  double* scale = nullptr;  // (batch, m): the powers of two that columns were divided by
 };
 
 // State of the refinement of some columns of one item: refine_loop() turned inside out.

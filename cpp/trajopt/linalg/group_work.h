@@ -19,14 +19,16 @@ TRAJOPT_HD constexpr int warps(int ranks) { return (ranks + kWarp - 1) / kWarp *
 
 // Has an earlier stage failed? A launch of the same stage may set failed_stage[item] to `stage`
 // meanwhile, which does not change the answer: it is the same to every rank.
-TRAJOPT_HD inline bool given_up(const GroupSystem& s, int item, int stage) {
+template <class T>
+TRAJOPT_HD inline bool given_up(const BasicGroupSystem<T>& s, int item, int stage) {
   return s.failed_stage[item] < stage;
 }
 
+template <class T>
 struct EliminateWork {
   static constexpr const char* kName = "eliminate";
   static constexpr int kMaxRanks = 288;
-  GroupSystem s;
+  BasicGroupSystem<T> s;
   const PlannedElimination* entries;
   int count, stage;
 
@@ -37,7 +39,7 @@ struct EliminateWork {
     if (s.size <= kWarp / 2) return kWarp;
     return kWarp + warps(s.size < kMaxRanks - kWarp ? s.size : kMaxRanks - kWarp);
   }
-  std::size_t bytes() const { return EliminationSpace::bytes(s.size); }
+  std::size_t bytes() const { return BasicEliminationSpace<T>::bytes(s.size); }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void* memory) const {
@@ -46,19 +48,19 @@ struct EliminateWork {
     const PlannedElimination& p = entries[job % count];
     if (given_up(s, item, stage) || s.failure(item, p.run).block >= 0) return;
     const int n = s.size;
-    Elimination e;
+    BasicElimination<T> e;
     e.size = n;
     e.ld = s.ld;
     e.w = s.w_of(item, p.block);
     e.u = s.scratch_of(item, p.run, 0);
     e.original = s.diagonal_of(item, p.block);
-    e.diagonal = p.diagonal_original ? e.original : e.w;
+    e.diagonal = p.diagonal_original ? BlockSource<T>(e.original) : BlockSource<T>(e.w);
     e.diagonal_ld = p.diagonal_original ? n : s.ld;
     e.signs = s.signs_of(item, p.block);
     e.regularization = *s.regularization;
     e.inverse = s.inverse_of(item, p.block);
     if (p.left >= 0) {
-      double* v = s.coupling(item, p.left_slot);
+      T* v = s.coupling(item, p.left_slot);
       e.left = {v, s.ld, 1, v, s.scratch_of(item, p.run, 1)};
       if (p.left_original) {
         e.left.source = s.lower_of(item, p.block - 1);
@@ -66,7 +68,7 @@ struct EliminateWork {
       }
     }
     if (p.right >= 0) {
-      double* v = s.coupling(item, p.right_slot);
+      T* v = s.coupling(item, p.right_slot);
       e.right = {v, s.ld, 1, v, s.scratch_of(item, p.run, 2)};
       if (p.right_original) {  // stored by the neighbour's rows
         e.right.source = s.lower_of(item, p.block);
@@ -74,7 +76,7 @@ struct EliminateWork {
         e.right.column = n;
       }
     }
-    const EliminationSpace space(memory, n);
+    const BasicEliminationSpace<T> space(memory, n);
     if (eliminate(group, e, space) < 0) return;
     group.phase([&](int rank) {
       if (rank != 0) return;
@@ -86,17 +88,18 @@ struct EliminateWork {
 };
 
 // The neighbours' diagonal blocks and the fill.
+template <class T>
 struct UpdateWork {
   static constexpr const char* kName = "update";
   static constexpr int kMaxRanks = 256;
-  GroupSystem s;
+  BasicGroupSystem<T> s;
   const PlannedUpdate* entries;
   int count, stage;
 
   TRAJOPT_HD int tiles() const { return update_tiles(s.size); }
   TRAJOPT_HD long jobs() const { return static_cast<long>(count) * s.batch * tiles() * tiles(); }
   TRAJOPT_HD int ranks() const { return warps(update_ranks(s.size)); }
-  std::size_t bytes() const { return update_bytes(s.size); }
+  std::size_t bytes() const { return update_bytes<T>(s.size); }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void* space) const {
@@ -108,14 +111,15 @@ struct UpdateWork {
     if (item < 0) return;
     const PlannedUpdate& p = entries[job % count];
     if (given_up(s, item, stage) || (!p.fill && column > row)) return;
-    Update u;
+    BasicUpdate<T> u;
     u.size = s.size;
     u.depth = s.size;
     u.ld = u.target_ld = s.ld;
     u.lower = !p.fill;
     u.target = p.fill ? s.coupling(item, p.target) : s.w_of(item, p.target);
     if (!p.fill) {
-      u.source = p.from_original ? s.diagonal_of(item, p.target) : u.target;
+      u.source = p.from_original ? BlockSource<T>(s.diagonal_of(item, p.target))
+                                 : BlockSource<T>(u.target);
       u.source_ld = p.from_original ? s.size : s.ld;
     }
     u.terms = p.terms;
@@ -134,7 +138,8 @@ struct VectorJob {
   int entry, item, chunk, columns;
   long stride;
   bool skipped;
-  TRAJOPT_HD VectorJob(long job, int count, const GroupSystem& s, const GroupVectors& v) {
+  template <class T>
+  TRAJOPT_HD VectorJob(long job, int count, const GroupMatrix& s, const BasicGroupVectors<T>& v) {
     const int chunks = column_chunks(v.m);
     chunk = static_cast<int>(job % chunks);
     job /= chunks;
@@ -147,12 +152,13 @@ struct VectorJob {
     if (!skipped && v.active) skipped = !v.active[static_cast<long>(item) * chunks + chunk];
   }
   // The block's part of (batch, blocks * size, m).
-  TRAJOPT_HD double* part(const GroupSystem& s, double* x, int block, int m) const {
+  template <class T>
+  TRAJOPT_HD T* part(const GroupMatrix& s, T* x, int block, int m) const {
     return x + item * stride + static_cast<long>(block) * s.size * m + chunk * kGroupColumns;
   }
 };
 
-TRAJOPT_HD inline long vector_jobs(int count, const GroupSystem& s, int m) {
+TRAJOPT_HD inline long vector_jobs(int count, const GroupMatrix& s, int m) {
   return static_cast<long>(count) * s.batch * column_chunks(m);
 }
 TRAJOPT_HD inline int vector_ranks(int size, int m) {
@@ -161,23 +167,24 @@ TRAJOPT_HD inline int vector_ranks(int size, int m) {
 }
 
 // Shared memory of a solving job: the columns, the space of the operations, and W if it fits.
+template <class T>
 struct VectorSpace {
-  double *x, *operations, *w;
+  T *x, *operations, *w;
   TRAJOPT_HD VectorSpace(void* memory, int size)
-      : x(static_cast<double*>(memory)),
+      : x(static_cast<T*>(memory)),
         operations(x + static_cast<long>(size) * kGroupColumns),
-        w(operations + vector_bytes(size) / sizeof(double)) {}
+        w(operations + vector_bytes<T>(size) / sizeof(T)) {}
   static constexpr std::size_t bytes(int size, bool with_w) {
-    const std::size_t w = with_w ? sizeof(double) * size * w_stride(size) : 0;
-    return sizeof(double) * size * kGroupColumns + vector_bytes(size) + w;
+    const std::size_t w = with_w ? sizeof(T) * size * w_stride(size) : 0;
+    return sizeof(T) * size * kGroupColumns + vector_bytes<T>(size) + w;
   }
   // Odd: the elements of a column lie in different banks.
   TRAJOPT_HD static constexpr long w_stride(int size) { return size | 1; }
 };
 
-template <class Group>
-TRAJOPT_HD inline void copy_columns(const Group& group, int size, const double* from, long from_ld,
-                                    double* to, long to_ld, int columns) {
+template <class Group, class T>
+TRAJOPT_HD inline void copy_columns(const Group& group, int size, const T* from, long from_ld,
+                                    T* to, long to_ld, int columns) {
   for_each(group, size * columns, [&](int at) {
     const int i = at / columns, j = at - i * columns;
     to[i * to_ld + j] = from[i * from_ld + j];
@@ -186,16 +193,17 @@ TRAJOPT_HD inline void copy_columns(const Group& group, int size, const double* 
 
 // W of a block: copied to shared memory if there is room, so that a solution waits for the memory
 // once and not once a panel.
+template <class T>
 struct WView {
-  const double* data;
+  const T* data;
   long ld;
 };
-template <class Group>
-TRAJOPT_HD inline WView stage_w(const Group& group, const GroupSystem& s, int item, int block,
-                                const VectorSpace& space) {
-  const double* w = s.w_of(item, block);
+template <class Group, class T>
+TRAJOPT_HD inline WView<T> stage_w(const Group& group, const BasicGroupSystem<T>& s, int item,
+                                   int block, const VectorSpace<T>& space) {
+  const T* w = s.w_of(item, block);
   if (!s.stage_w) return {w, s.ld};
-  const long stride = VectorSpace::w_stride(s.size);
+  const long stride = VectorSpace<T>::w_stride(s.size);
   for_each(group, s.size * s.size, [&](int at) {
     const int i = at / s.size, j = at - i * s.size;
     if (j < i) space.w[i * stride + j] = w[i * s.ld + j];
@@ -204,26 +212,27 @@ TRAJOPT_HD inline WView stage_w(const Group& group, const GroupSystem& s, int it
 }
 
 // x = W^-T x of the blocks a level eliminates.
+template <class T>
 struct ForwardWork {
   static constexpr const char* kName = "forward";
   static constexpr int kMaxRanks = 256;
-  GroupSystem s;
-  GroupVectors v;
+  BasicGroupSystem<T> s;
+  BasicGroupVectors<T> v;
   const PlannedElimination* entries;
   int count;
 
   TRAJOPT_HD long jobs() const { return vector_jobs(count, s, v.m); }
   TRAJOPT_HD int ranks() const { return vector_ranks(s.size, v.m); }
-  std::size_t bytes() const { return VectorSpace::bytes(s.size, s.stage_w); }
+  std::size_t bytes() const { return VectorSpace<T>::bytes(s.size, s.stage_w); }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void* memory) const {
     const VectorJob job(number, count, s, v);
     if (job.skipped) return;
     const int block = entries[job.entry].block;
-    const VectorSpace space(memory, s.size);
-    double* x = job.part(s, v.x, block, v.m);
-    const WView w = stage_w(group, s, job.item, block, space);
+    const VectorSpace<T> space(memory, s.size);
+    T* x = job.part(s, v.x, block, v.m);
+    const WView<T> w = stage_w(group, s, job.item, block, space);
     copy_columns(group, s.size, x, v.m, space.x, job.columns, job.columns);
     substitute_transposed(group, s.size, w.data, w.ld, space.x, job.columns, job.columns,
                           space.operations);
@@ -232,11 +241,12 @@ struct ForwardWork {
 };
 
 // y -= Vt x from the eliminated blocks to their neighbours.
+template <class T>
 struct GatherWork {
   static constexpr const char* kName = "gather";
   static constexpr int kMaxRanks = 256;
-  GroupSystem s;
-  GroupVectors v;
+  BasicGroupSystem<T> s;
+  BasicGroupVectors<T> v;
   const PlannedUpdate* entries;  // of diagonal blocks
   int count;
 
@@ -249,7 +259,7 @@ struct GatherWork {
     const VectorJob job(number, count, s, v);
     if (job.skipped) return;
     const PlannedUpdate& p = entries[job.entry];
-    double* y = job.part(s, v.x, p.target, v.m);
+    T* y = job.part(s, v.x, p.target, v.m);
     for (int t = 0; t < p.terms; ++t) {
       subtract_transposed(group, s.size, s.size, s.coupling(job.item, p.term[t].slot), s.ld,
                           job.part(s, v.x, p.term[t].from, v.m), y, job.columns, v.m, v.m);
@@ -258,28 +268,29 @@ struct GatherWork {
 };
 
 // x = W^-1 (D^-1 x - V x of the neighbours).
+template <class T>
 struct BackwardWork {
   static constexpr const char* kName = "backward";
   static constexpr int kMaxRanks = 256;
-  GroupSystem s;
-  GroupVectors v;
+  BasicGroupSystem<T> s;
+  BasicGroupVectors<T> v;
   const PlannedElimination* entries;
   int count;
 
   TRAJOPT_HD long jobs() const { return vector_jobs(count, s, v.m); }
   TRAJOPT_HD int ranks() const { return vector_ranks(s.size, v.m); }
-  std::size_t bytes() const { return VectorSpace::bytes(s.size, s.stage_w); }
+  std::size_t bytes() const { return VectorSpace<T>::bytes(s.size, s.stage_w); }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long number, void* memory) const {
     const VectorJob job(number, count, s, v);
     if (job.skipped) return;
     const PlannedElimination& p = entries[job.entry];
-    const VectorSpace space(memory, s.size);
+    const VectorSpace<T> space(memory, s.size);
     const int columns = job.columns;
-    double* x = job.part(s, v.x, p.block, v.m);
-    const double* inverse = s.inverse_of(job.item, p.block);
-    const WView w = stage_w(group, s, job.item, p.block, space);
+    T* x = job.part(s, v.x, p.block, v.m);
+    const T* inverse = s.inverse_of(job.item, p.block);
+    const WView<T> w = stage_w(group, s, job.item, p.block, space);
     for_each(group, s.size * columns, [&](int at) {
       const int i = at / columns, j = at - i * columns;
       space.x[at] = x[static_cast<long>(i) * v.m + j] * inverse[i];

@@ -1,11 +1,11 @@
 // Solution with the factors, and iterative refinement.
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstdint>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
+#include "trajopt/linalg/column_scale.h"
 #include "trajopt/linalg/factorization.h"
 
 namespace trajopt::linalg {
@@ -40,9 +40,7 @@ void Factorization::solve_in_single(int item, double* rhs, int m, int threads) c
     const int columns = std::min(kColumnsAtOnce, m - c);
     double scale[kColumnsAtOnce];
     for (int j = 0; j < columns; ++j) {
-      const double most = largest_magnitude(rhs + c + j, rows, 1, m);
-      const int exponent = most > 0.0 && std::isfinite(most) ? std::ilogb(most) : 0;
-      scale[j] = std::ldexp(1.0, std::clamp(exponent, -1000, 1000));
+      scale[j] = column_scale(largest_magnitude(rhs + c + j, rows, 1, m));
       for (long i = 0; i < rows; ++i) {
         x[i * columns + j] = static_cast<float>(rhs[i * m + c + j] / scale[j]);
       }

@@ -8,12 +8,14 @@
 #include "linalg/random_matrix.h"
 #include "trajopt/base/error.h"
 #include "trajopt/cuda/linalg/factorization.h"
+#include "trajopt/cuda/linalg/launches.h"
 #include "trajopt/linalg/factorization.h"
 
 namespace trajopt {
 namespace {
 
 using linalg::Ordering;
+using linalg::Precision;
 using linalg::Refinement;
 using linalg::SymmetricBlockTridiagonal;
 using test::fill_random;
@@ -22,6 +24,12 @@ using test::random_vector;
 using Values = std::vector<double>;
 
 constexpr Ordering kOrderings[] = {Ordering::sequential, Ordering::cyclic, Ordering::chunked};
+constexpr Precision kPrecisions[] = {Precision::float64, Precision::float32};
+
+linalg::Factorization on_processor(int blocks, int size, Ordering ordering, int chunks, int batch,
+                                   Precision precision) {
+  return linalg::Factorization(blocks, size, ordering, chunks, batch, Isa::avx512, precision);
+}
 
 bool same(const Values& a, const Values& b) {
   return a.size() == b.size() &&
@@ -39,12 +47,14 @@ struct Problem {
   long values(int m) const { return a.batch() * a.rows() * m; }
 };
 
-void compare(int blocks, int size, int batch, Ordering ordering, int chunks,
-             std::vector<int> columns = {1, 1, 3, 17}) {
+void compare_in(Precision precision, int blocks, int size, int batch, Ordering ordering, int chunks,
+                const std::vector<int>& columns) {
   SCOPED_TRACE(std::to_string(batch) + " x " + std::to_string(blocks) + " blocks of " +
-               std::to_string(size) + ", " + linalg::ordering_name(ordering));
-  linalg::Factorization cpu(blocks, size, ordering, chunks, batch);
-  cuda::Factorization gpu(blocks, size, ordering, chunks, batch);
+               std::to_string(size) + ", " + linalg::ordering_name(ordering) + ", " +
+               linalg::precision_name(precision));
+  linalg::Factorization cpu = on_processor(blocks, size, ordering, chunks, batch, precision);
+  cuda::Factorization gpu(blocks, size, ordering, chunks, batch, precision);
+  ASSERT_EQ(gpu.precision(), precision);
   // Twice: the second one launches the graph that the first one captured.
   for (unsigned round = 1; round <= 2; ++round) {
     const Problem p(blocks, size, batch, round);
@@ -69,6 +79,13 @@ void compare(int blocks, int size, int batch, Ordering ordering, int chunks,
   }
 }
 
+void compare(int blocks, int size, int batch, Ordering ordering, int chunks,
+             const std::vector<int>& columns = {1, 1, 3, 17}) {
+  for (Precision precision : kPrecisions) {
+    compare_in(precision, blocks, size, batch, ordering, chunks, columns);
+  }
+}
+
 TEST(DeviceFactorization, EveryOrderingAndLength) {
   for (int blocks : {1, 2, 3, 5, 8, 16, 17, 31, 100}) {
     for (Ordering ordering : kOrderings) {
@@ -90,11 +107,64 @@ TEST(DeviceFactorization, SizesOfBlocks) {
 
 TEST(DeviceFactorization, NoProblemsAtAll) { compare(4, 3, 0, Ordering::cyclic, 1); }
 
+// Right-hand sides and matrices beyond float32's range, and columns of zeros.
+TEST(DeviceFactorization, RangeOfFloat32) {
+  const Problem p(150, 8, 2, 7);
+  const int m = 10;
+  for (Ordering ordering : kOrderings) {
+    linalg::Factorization cpu = on_processor(150, 8, ordering, 2, 2, Precision::float32);
+    cuda::Factorization gpu(150, 8, ordering, 2, 2, Precision::float32);
+    cpu.factor(p.a, p.signs.data());
+    gpu.factor(p.a, p.signs.data());
+    Values rhs = random_vector(p.values(m), 8);
+    const double scales[m] = {1.0, 1e300, 1e-300, 1e-320, 0.0, 1e40, 1e-50, -3.0, 5e37, 1e-38};
+    for (std::size_t i = 0; i < rhs.size(); ++i) rhs[i] *= scales[i % m];
+    Values x = rhs, y = rhs;
+    cpu.solve(x.data(), m);
+    gpu.solve(y.data(), m);
+    EXPECT_TRUE(same(x, y));
+    cpu.refine(p.a, rhs.data(), x.data(), m, 10, 1e-15);
+    gpu.refine(p.a, rhs.data(), y.data(), m, 10, 1e-15);
+    EXPECT_TRUE(same(x, y));
+  }
+}
+
+// The room for rounded columns grows; what was recorded with the old one is recorded anew.
+TEST(DeviceFactorization, ColumnsThatGrowInNumber) {
+  const Problem p(6, 10, 1, 9);
+  linalg::Factorization cpu = on_processor(6, 10, Ordering::cyclic, 1, 1, Precision::float32);
+  cuda::Factorization gpu(6, 10, Ordering::cyclic, 1, 1, Precision::float32);
+  cpu.factor(p.a, p.signs.data());
+  gpu.factor(p.a, p.signs.data());
+  for (int m : {2, 2, 9, 2, 30, 30}) {
+    const Values rhs = random_vector(p.values(m), m);
+    Values x = rhs, y = rhs;
+    cpu.solve(x.data(), m);
+    gpu.solve(y.data(), m);
+    EXPECT_TRUE(same(x, y)) << m;
+    gpu.reserve_refinement(m + 3);
+    gpu.solve(y.data(), m);
+    cpu.solve(x.data(), m);
+    EXPECT_TRUE(same(x, y)) << m;
+  }
+}
+
+TEST(DeviceFactorization, Float32TakesHalfTheMemory) {
+  const cuda::Factorization wide(50, 64, Ordering::cyclic);
+  const cuda::Factorization narrow(50, 64, Ordering::cyclic, 2, 1, Precision::float32);
+  const double share = static_cast<double>(narrow.device_bytes()) / wide.device_bytes();
+  EXPECT_NEAR(share, 0.5, 0.01);
+  cuda::Factorization used(50, 64, Ordering::cyclic, 2, 1, Precision::float32);
+  used.reserve_solution(3);
+  // Rounded columns, and two doubles for each.
+  EXPECT_EQ(used.device_bytes() - narrow.device_bytes(), 3 * (50 * 64 * 4 + 2 * 8));
+}
+
 // The interface that stays on the device, in a graph of the caller's own.
-TEST(DeviceFactorization, InAGraph) {
+void in_a_graph(Precision precision) {
   const Problem p(20, 24, 3, 5);
-  linalg::Factorization cpu(20, 24, Ordering::cyclic, 1, 3);
-  cuda::Factorization gpu(20, 24, Ordering::cyclic, 1, 3);
+  linalg::Factorization cpu = on_processor(20, 24, Ordering::cyclic, 1, 3, precision);
+  cuda::Factorization gpu(20, 24, Ordering::cyclic, 1, 3, precision);
   const Values rhs = random_vector(p.values(2), 6);
   const cuda::Stream stream;
   cuda::BlockTridiagonal a(20, 24, 3);
@@ -127,8 +197,12 @@ TEST(DeviceFactorization, InAGraph) {
   }
 }
 
-TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
-  const double bad[] = {std::nan(""), INFINITY, 0.0, -1e3};
+TEST(DeviceFactorization, InAGraph) {
+  for (Precision precision : kPrecisions) in_a_graph(precision);
+}
+
+void same_block_pivot_and_words(Precision precision) {
+  const double bad[] = {std::nan(""), INFINITY, 0.0, -1e3, 1e39};
   for (int where = 0; where < 9; ++where) {
     for (double value : bad) {
       SymmetricBlockTridiagonal a(9, 11, 2);
@@ -136,8 +210,8 @@ TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
       a.diagonal(where, 1)[5 * 11 + 5] = value;
       a.diagonal((where * 2) % 9, 1)[2 * 11 + 2] = value;
       for (Ordering ordering : kOrderings) {
-        linalg::Factorization cpu(9, 11, ordering, 3, 2);
-        cuda::Factorization gpu(9, 11, ordering, 3, 2);
+        linalg::Factorization cpu = on_processor(9, 11, ordering, 3, 2, precision);
+        cuda::Factorization gpu(9, 11, ordering, 3, 2, precision);
         std::string expected = "none", actual = "none";
         try {
           cpu.factor(a);
@@ -151,7 +225,11 @@ TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
         }
         EXPECT_EQ(actual, expected);
         Values x(2 * a.rows(), 1.0);
-        EXPECT_THROW(gpu.solve(x.data()), ArgumentError);
+        const bool refused = precision == Precision::float32 || value != 1e39;
+        EXPECT_EQ(actual != "none", refused) << value;
+        if (refused) {
+          EXPECT_THROW(gpu.solve(x.data()), ArgumentError);
+        }
         // It recovers.
         SymmetricBlockTridiagonal good(9, 11, 2);
         fill_random(good, nullptr, 12);
@@ -163,6 +241,16 @@ TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
   }
 }
 
+TEST(DeviceFactorizationFailure, SameBlockPivotAndWords) {
+  for (Precision precision : kPrecisions) same_block_pivot_and_words(precision);
+}
+
+// What docs/cuda.md says of the smallest GPU supported, of compute capability 7.5.
+TEST(DeviceFactorization, SharedMemoryOfTheLargestBlocks) {
+  EXPECT_LE(cuda::linalg_shared_memory<double>(490), std::size_t{64} << 10);
+  EXPECT_LE(cuda::linalg_shared_memory<float>(720), std::size_t{64} << 10);
+}
+
 TEST(DeviceFactorizationFailure, TooLarge) {
   try {
     cuda::Factorization(10000, 200, Ordering::cyclic, 1, 10000);
@@ -171,6 +259,8 @@ TEST(DeviceFactorizationFailure, TooLarge) {
     EXPECT_NE(std::string(error.what()).find("asked for"), std::string::npos) << error.what();
   }
   EXPECT_THROW(cuda::Factorization(1, 100000), DeviceError);
+  EXPECT_THROW(cuda::Factorization(1, 100000, Ordering::cyclic, 1, 1, Precision::float32),
+               DeviceError);
   compare(3, 8, 1, Ordering::cyclic, 1);
 }
 
@@ -182,6 +272,9 @@ TEST(DeviceFactorizationFailure, Arguments) {
   const cuda::Stream stream;
   const cuda::BlockTridiagonal a(4, 2);
   EXPECT_THROW(gpu.enqueue_refine(a, nullptr, nullptr, 3, 1, 0.0, stream), ArgumentError);
+  cuda::Factorization narrow(4, 2, Ordering::cyclic, 1, 1, Precision::float32);
+  narrow.reserve_solution(2);
+  EXPECT_THROW(narrow.enqueue_solve(nullptr, 3, stream), ArgumentError);
 }
 
 }  // namespace

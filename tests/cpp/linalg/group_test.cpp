@@ -20,35 +20,48 @@ namespace trajopt::linalg {
 namespace {
 
 using Values = std::vector<double>;
+template <class T>
+using ValuesOf = std::vector<T>;
 using test::random_vector;
 
+// What a matrix of doubles is to factors in T.
+template <class T>
+ValuesOf<T> rounded(const Values& a) {
+  return ValuesOf<T>(a.begin(), a.end());
+}
+
 // A square matrix with padded rows; nothing behind the last element.
+template <class T>
 class Padded {
  public:
-  explicit Padded(int n, const Values& from = {})
-      : n_(n), ld_((n + 3) / 4 * 4), data_((n - 1) * ld_ + n, -7.0) {
+  explicit Padded(int n, const ValuesOf<T>& from = {})
+      : n_(n), ld_((n + 3) / 4 * 4), data_((n - 1) * ld_ + n, T(-7)) {
     for (int i = 0; i < n && !from.empty(); ++i) {
       for (int j = 0; j < n; ++j) (*this)(i, j) = from[i * n + j];
     }
   }
-  double* data() { return data_.data(); }
-  const double* data() const { return data_.data(); }
+  T* data() { return data_.data(); }
+  const T* data() const { return data_.data(); }
   long ld() const { return ld_; }
-  double& operator()(int i, int j) { return data_[i * ld_ + j]; }
-  double operator()(int i, int j) const { return data_[i * ld_ + j]; }
+  T& operator()(int i, int j) { return data_[i * ld_ + j]; }
+  T operator()(int i, int j) const { return data_[i * ld_ + j]; }
   int size() const { return n_; }
 
  private:
   int n_;
   long ld_;
-  Values data_;
+  ValuesOf<T> data_;
 };
 
 enum class Part { all, lower, strictly_lower };
 
-bool same(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+template <class T>
+bool same(T a, T b) {
+  return std::memcmp(&a, &b, sizeof a) == 0;
+}
 
-void expect_same_bits(const Padded& actual, const Values& expected, const char* what,
+template <class T>
+void expect_same_bits(const Padded<T>& actual, const ValuesOf<T>& expected, const char* what,
                       Part part = Part::all) {
   const int n = actual.size();
   for (int i = 0; i < n; ++i) {
@@ -66,7 +79,10 @@ class Space {
  public:
   explicit Space(std::size_t bytes) : data_(aligned_buffer(bytes)) {}
   void* get() const { return data_.get(); }
-  double* doubles() const { return static_cast<double*>(get()); }
+  template <class T>
+  T* of() const {
+    return static_cast<T*>(get());
+  }
 
  private:
   AlignedBuffer data_;
@@ -91,19 +107,34 @@ class GroupTest : public testing::TestWithParam<int> {
  protected:
   int size() const { return GetParam(); }
   Values random(unsigned seed) const { return random_vector(std::size_t(size()) * size(), seed); }
+  template <class T>
+  ValuesOf<T> random(unsigned seed) const {
+    return rounded<T>(random(seed));
+  }
+
+  template <class T>
+  void eliminate() const;
+  template <class T>
+  void eliminate_names_the_failing_pivot() const;
+  template <class T>
+  void update() const;
+  template <class T>
+  void vectors() const;
 };
 
+template <class T>
 struct Eliminated {
-  Padded w, u, v_left, v_right, u_left, u_right;
-  Values inverse;
+  Padded<T> w, u, v_left, v_right, u_left, u_right;
+  ValuesOf<T> inverse;
   explicit Eliminated(int n)
       : w(n), u(n), v_left(n), v_right(n), u_left(n), u_right(n), inverse(n) {}
 
-  group::Elimination task(const Values& original, const signed char* signs) {
-    group::Elimination e;
+  group::BasicElimination<T> task(const Values& original, const signed char* signs) {
+    group::BasicElimination<T> e;
     e.size = w.size();
     e.ld = w.ld();
-    e.diagonal = e.original = original.data();
+    e.original = original.data();
+    e.diagonal = original.data();
     e.diagonal_ld = w.size();
     e.signs = signs;
     e.w = w.data();
@@ -113,7 +144,8 @@ struct Eliminated {
   }
 };
 
-TEST_P(GroupTest, Eliminate) {
+template <class T>
+void GroupTest::eliminate() const {
   const int n = size();
   const auto signs = test::mixed_signs(n, n);
   Values a = random(1);
@@ -124,19 +156,19 @@ TEST_P(GroupTest, Eliminate) {
     for (int j = 0; j < n; ++j) right_transposed[j * n + i] = right[i * n + j];
     for (int j = i + 1; j < n; ++j) a[i * n + j] = std::nan("");
   }
-  Values w = a, inverse(n);
-  std::vector<Values> v = {left, right}, u;
-  reference::eliminate(n, w, inverse, v, u, signs.data(), 0.25);
+  ValuesOf<T> w = rounded<T>(a), inverse(n);
+  std::vector<ValuesOf<T>> v = {rounded<T>(left), rounded<T>(right)}, u;
+  reference::eliminate(n, w, inverse, v, u, signs.data(), T(0.25));
 
   for (int couplings = 0; couplings < 4; ++couplings) {
     for_groups(n, [&](const auto& group) {
       for (bool in_place : {false, true}) {
-        Eliminated out(n);
+        Eliminated<T> out(n);
         if (in_place) {  // as a block that was updated, and a coupling that is fill
-          out.w = Padded(n, a);
-          out.v_left = Padded(n, left);
+          out.w = Padded<T>(n, rounded<T>(a));
+          out.v_left = Padded<T>(n, rounded<T>(left));
         }
-        group::Elimination e = out.task(a, signs.data());
+        group::BasicElimination<T> e = out.task(a, signs.data());
         e.regularization = 0.25;
         if (in_place) {
           e.diagonal = out.w.data();
@@ -149,10 +181,11 @@ TEST_P(GroupTest, Eliminate) {
         if (couplings & 2) {
           e.right = {right_transposed.data(), 1, n, out.v_right.data(), out.u_right.data()};
         }
-        const Space space(group::EliminationSpace::bytes(n));
-        ASSERT_EQ(group::eliminate(group, e, group::EliminationSpace(space.get(), n)), -1);
+        using Shared = group::BasicEliminationSpace<T>;
+        const Space space(Shared::bytes(n));
+        ASSERT_EQ(group::eliminate(group, e, Shared(space.get(), n)), -1);
         expect_same_bits(out.w, w, "W", Part::strictly_lower);
-        ASSERT_EQ(std::memcmp(out.inverse.data(), inverse.data(), n * sizeof(double)), 0);
+        ASSERT_EQ(std::memcmp(out.inverse.data(), inverse.data(), n * sizeof(T)), 0);
         if (couplings & 1) {
           expect_same_bits(out.v_left, v[0], "left V");
           expect_same_bits(out.u_left, u[0], "left U");
@@ -166,11 +199,15 @@ TEST_P(GroupTest, Eliminate) {
   }
 }
 
-TEST_P(GroupTest, EliminateNamesTheFailingPivot) {
+// Of the numbers that are not finite or not zero in float64 some are in float32.
+template <class T>
+void GroupTest::eliminate_names_the_failing_pivot() const {
   const int n = size();
   const double inf = std::numeric_limits<double>::infinity();
+  std::vector<double> values = {0.0, -0.0, -1e3, inf, -inf, 1e-310, std::nan("")};
+  if (sizeof(T) == sizeof(float)) values.insert(values.end(), {1e-39, 1e39, -1e39});
   for (int bad : {0, n / 2, n - 1}) {
-    for (double value : {0.0, -1e3, inf, -inf, 1e-310, std::nan("")}) {
+    for (double value : values) {
       Values a = random(1);
       for (int i = 0; i < n; ++i) {
         a[i * n + i] = 4.0 * n + 1.0;
@@ -178,39 +215,43 @@ TEST_P(GroupTest, EliminateNamesTheFailingPivot) {
       }
       a[bad * n + bad] = value;
       for_groups(n, [&](const auto& group) {
-        Eliminated out(n);
-        const Space memory(group::EliminationSpace::bytes(n));
-        const group::EliminationSpace space(memory.get(), n);
+        Eliminated<T> out(n);
+        const Space memory(group::BasicEliminationSpace<T>::bytes(n));
+        const group::BasicEliminationSpace<T> space(memory.get(), n);
         ASSERT_EQ(group::eliminate(group, out.task(a, nullptr), space), bad) << value;
-        ASSERT_TRUE(same(space.failed->value, value)) << space.failed->value;
+        const double expected = static_cast<T>(value);
+        ASSERT_TRUE(same(space.failed->value, expected)) << space.failed->value;
       });
     }
   }
 }
 
-TEST_P(GroupTest, Update) {
+template <class T>
+void GroupTest::update() const {
   const int n = size();
-  const Values source = random(4), v = random(5), u = random(6), v2 = random(7), u2 = random(8);
-  Values once, expected, from_zero;
+  const Values matrix = random(4);
+  const ValuesOf<T> source = rounded<T>(matrix), v = random<T>(5), u = random<T>(6),
+                    v2 = random<T>(7), u2 = random<T>(8);
+  ValuesOf<T> once, expected, from_zero;
   reference::update(n, source, once, v, u);
   reference::update(n, once, expected, v2, u2);
-  reference::update(n, Values(n * n, 0.0), from_zero, v, u);
-  const Padded pv(n, v), pu(n, u), pv2(n, v2), pu2(n, u2);
+  reference::update(n, ValuesOf<T>(n * n, T(0)), from_zero, v, u);
+  const Padded<T> pv(n, v), pu(n, u), pv2(n, v2), pu2(n, u2);
   for_groups(n, [&](const auto& group) {
-    const Space space(group::update_bytes(n));
-    const auto run = [&](const group::Update& p) {
+    const Space space(group::update_bytes<T>(n));
+    const auto run = [&](const group::BasicUpdate<T>& p) {
       for (int i = 0; i < group::update_tiles(n); ++i) {
         for (int j = 0; j < (p.lower ? i + 1 : group::update_tiles(n)); ++j) {
           group::update_tile(group, p, i, j, space.get());
         }
       }
     };
-    Padded whole(n), lower(n, source), fill(n);
-    group::Update p;
+    Padded<T> whole(n), lower(n, source), fill(n);
+    group::BasicUpdate<T> p;
     p.size = n;
     p.depth = n;
     p.ld = pv.ld();
-    p.source = source.data();
+    p.source = matrix.data();
     p.source_ld = n;
     p.target = whole.data();
     p.target_ld = whole.ld();
@@ -220,12 +261,13 @@ TEST_P(GroupTest, Update) {
     run(p);
     expect_same_bits(whole, expected, "whole");
     p.lower = true;
-    p.source = p.target = lower.data();
+    p.target = lower.data();
+    p.source = lower.data();
     p.source_ld = lower.ld();
     run(p);
     expect_same_bits(lower, expected, "lower", Part::lower);
     p.lower = false;
-    p.source = nullptr;
+    p.source = {};
     p.target = fill.data();
     p.terms = 1;
     run(p);
@@ -233,23 +275,25 @@ TEST_P(GroupTest, Update) {
   });
 }
 
-TEST_P(GroupTest, Vectors) {
+template <class T>
+void GroupTest::vectors() const {
   const int n = size();
-  const Values w = random(9);
-  const Padded a(n, w);
+  const ValuesOf<T> w = random<T>(9);
+  const Padded<T> a(n, w);
   for (int m : {1, 3, 8}) {
     if (n > 100 && m == 3) continue;
-    const Values x = random_vector(n * m, 10), start = random_vector(n * m, 11);
-    Values expected[5] = {start, start, start, start, start};
+    const ValuesOf<T> x = rounded<T>(random_vector(n * m, 10)),
+                      start = rounded<T>(random_vector(n * m, 11));
+    ValuesOf<T> expected[5] = {start, start, start, start, start};
     reference::subtract(n, n, w, x, expected[0], m);
     reference::subtract_transposed(n, n, w, x, expected[1], m);
     reference::subtract_symmetric(n, w, x, expected[2], m);
     reference::substitute(n, w, expected[3], m);
     reference::substitute_transposed(n, w, expected[4], m);
     for_groups(n, [&](const auto& group) {
-      const Space space(group::vector_bytes(n));
-      double* s = space.doubles();
-      Values y[5] = {start, start, start, start, start};
+      const Space space(group::vector_bytes<T>(n));
+      T* s = space.of<T>();
+      ValuesOf<T> y[5] = {start, start, start, start, start};
       group::subtract(group, n, n, a.data(), a.ld(), x.data(), y[0].data(), m, m, m, s);
       group::subtract_transposed(group, n, n, a.data(), a.ld(), x.data(), y[1].data(), m, m, m);
       group::subtract_symmetric(group, n, a.data(), a.ld(), x.data(), y[2].data(), m, m, m, s);
@@ -258,11 +302,31 @@ TEST_P(GroupTest, Vectors) {
       const char* names[] = {"subtract", "subtract_transposed", "subtract_symmetric", "substitute",
                              "substitute_transposed"};
       for (int k = 0; k < 5; ++k) {
-        ASSERT_EQ(std::memcmp(y[k].data(), expected[k].data(), sizeof(double) * n * m), 0)
+        ASSERT_EQ(std::memcmp(y[k].data(), expected[k].data(), sizeof(T) * n * m), 0)
             << names[k] << " with " << m << " columns";
       }
     });
   }
+}
+
+TEST_P(GroupTest, Eliminate) {
+  eliminate<double>();
+  eliminate<float>();
+}
+
+TEST_P(GroupTest, EliminateNamesTheFailingPivot) {
+  eliminate_names_the_failing_pivot<double>();
+  eliminate_names_the_failing_pivot<float>();
+}
+
+TEST_P(GroupTest, Update) {
+  update<double>();
+  update<float>();
+}
+
+TEST_P(GroupTest, Vectors) {
+  vectors<double>();
+  vectors<float>();
 }
 
 std::vector<int> sizes() {

@@ -39,6 +39,7 @@ BorderedFactorization::BorderedFactorization(int blocks, int size, int border,
   unscaled_ = DeviceBuffer<double>(items * block);
   inverse_ = DeviceBuffer<double>(items * border);
   failures_ = DeviceBuffer<GroupFailure>(items);
+  load_border_kernels();
   system_.z = z_.data();
   system_.schur = schur_.data();
   system_.unscaled = unscaled_.data();

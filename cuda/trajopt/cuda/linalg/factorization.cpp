@@ -5,15 +5,16 @@
 #include <utility>
 #include <vector>
 
-#include "trajopt/cuda/base/device.h"
 #include "trajopt/cuda/linalg/launches.h"
 #include "trajopt/linalg/pivot_error.h"
 
 namespace trajopt::cuda {
 
 using linalg::GroupFailure;
+using linalg::GroupMatrix;
 using linalg::GroupSystem;
 using linalg::Ordering;
+using linalg::Precision;
 
 namespace {
 
@@ -36,7 +37,8 @@ DeviceBuffer<T> copy_of(const std::vector<T>& values, const Stream& stream) {
 
 }  // namespace
 
-Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks, int batch)
+Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks, int batch,
+                             Precision precision)
     : stream_((require_device(), Stream())) {
   if (blocks < 1 || size < 1 || batch < 0 || chunks < 1) {
     throw ArgumentError(
@@ -45,59 +47,54 @@ Factorization::Factorization(int blocks, int size, Ordering ordering, int chunks
         std::to_string(chunks) + " chunks");
   }
   const DeviceInfo device = current_device();
-  const std::size_t needed = linalg_shared_memory(size);
-  if (needed > device.shared_memory) {
-    throw DeviceError("blocks of size " + std::to_string(size) + " need " + std::to_string(needed) +
-                      " bytes of shared memory in a thread block, " + device.name + " has " +
-                      std::to_string(device.shared_memory));
-  }
   plan_ = linalg::make_group_plan(
       blocks, schedule_for(blocks, ordering, chunks, batch, device.multiprocessors));
-  system_.blocks = blocks;
-  system_.size = size;
-  batch_ = system_.batch = batch;
-  system_.slots = plan_.slots;
-  system_.runs = plan_.runs;
-  system_.ld = linalg::group_ld(size);
-  // Two thread blocks of a multiprocessor should find room, or waiting is not hidden.
-  system_.stage_w = linalg_shared_memory_with_w(size) <= device.shared_memory / 2;
-
-  const std::size_t items = batch, block = system_.block_length();
-  w_ = DeviceBuffer<double>(items * blocks * block);
-  couplings_ = DeviceBuffer<double>(items * plan_.slots * block);
-  inverse_ = DeviceBuffer<double>(items * blocks * size);
-  scratch_ = DeviceBuffer<double>(items * plan_.runs * 3 * block);
+  shape_.blocks = blocks;
+  shape_.size = size;
+  batch_ = shape_.batch = batch;
+  if (precision == Precision::float64) {
+    factors_ = make_factors<double>(device);
+  } else {
+    factors_ = make_factors<float>(device);
+  }
+  const std::size_t items = batch;
   failures_ = DeviceBuffer<GroupFailure>(items * plan_.runs);
   failed_stage_ = DeviceBuffer<int>(items);
   failed_item_ = DeviceBuffer<int>(1);
   host_failed_item_ = PinnedBuffer<int>(1);
-  system_.w = w_.data();
-  system_.couplings = couplings_.data();
-  system_.inverse = inverse_.data();
-  system_.scratch = scratch_.data();
-  system_.failures = failures_.data();
-  system_.failed_stage = failed_stage_.data();
-  system_.failed_item = failed_item_.data();
   eliminations_ = copy_of(plan_.eliminations, stream_);
   updates_ = copy_of(plan_.updates, stream_);
-  load_linalg_kernels();
   stream_.synchronize();
+}
+
+template <class T>
+Factors<T> Factorization::make_factors(const DeviceInfo& device) const {
+  const std::size_t needed = linalg_shared_memory<T>(size());
+  if (needed > device.shared_memory) {
+    throw DeviceError("blocks of size " + std::to_string(size()) + " need " +
+                      std::to_string(needed) + " bytes of shared memory in a thread block, " +
+                      device.name + " has " + std::to_string(device.shared_memory));
+  }
+  load_linalg_kernels<T>();
+  // Two thread blocks of a multiprocessor should find room, or waiting is not hidden.
+  const bool stage_w = linalg_shared_memory_with_w<T>(size()) <= device.shared_memory / 2;
+  return Factors<T>(plan_, blocks(), size(), batch(), stage_w);
 }
 
 std::size_t Factorization::device_bytes() const {
   std::size_t bytes = eliminations_.bytes() + updates_.bytes() + signs_.bytes() +
                       failures_.bytes() + failed_stage_.bytes() + failed_item_.bytes() +
-                      states_.bytes() + active_.bytes();
+                      states_.bytes() + active_.bytes() + rounded_.bytes();
+  bytes += std::visit([](const auto& factors) { return factors.bytes(); }, factors_);
   for (const DeviceBuffer<double>* buffer :
-       {&w_, &couplings_, &inverse_, &scratch_, &regularization_, &x_, &rhs_, &residual_, &saved_,
-        &norm_}) {
+       {&regularization_, &x_, &rhs_, &residual_, &saved_, &norm_, &peak_, &scale_}) {
     bytes += buffer->bytes();
   }
   const std::size_t block = sizeof(double) * matrix_.size() * matrix_.size();
   return bytes + block * (2 * matrix_.blocks() - (matrix_.blocks() > 0)) * matrix_.batch();
 }
 
-GroupSystem Factorization::system_of(const BlockTridiagonal& a) const {
+GroupMatrix Factorization::matrix_of(const BlockTridiagonal& a) const {
   if (a.blocks() != blocks() || a.size() != size() || a.batch() != batch()) {
     throw ArgumentError("the matrix on the device has " + std::to_string(a.blocks()) +
                         " blocks of size " + std::to_string(a.size()) + " in a batch of " +
@@ -105,23 +102,53 @@ GroupSystem Factorization::system_of(const BlockTridiagonal& a) const {
                         std::to_string(blocks()) + ", " + std::to_string(size()) + ", " +
                         std::to_string(batch()));
   }
-  GroupSystem s = system_;
-  s.diagonal = a.diagonal();
-  s.lower = a.lower();
+  GroupMatrix matrix = shape_;
+  matrix.diagonal = a.diagonal();
+  matrix.lower = a.lower();
+  return matrix;
+}
+
+template <class T>
+linalg::BasicGroupSystem<T> Factorization::complete(const Factors<T>& factors,
+                                                    const GroupMatrix& a) const {
+  linalg::BasicGroupSystem<T> s = factors.system(a);
+  s.failures = failures_.data();
+  s.failed_stage = failed_stage_.data();
+  s.failed_item = failed_item_.data();
   return s;
+}
+
+template <class Body>
+void Factorization::with_system(const GroupMatrix& a, const Body& body) const {
+  std::visit(
+      [&](const auto& factors) {
+        auto s = complete(factors, a);
+        body(s);
+      },
+      factors_);
+}
+
+linalg::GroupSystem Factorization::system() const {
+  return complete(std::get<Factors<double>>(factors_), shape_);
+}
+
+linalg::GroupSystem Factorization::system_of(const BlockTridiagonal& a) const {
+  return complete(std::get<Factors<double>>(factors_), matrix_of(a));
 }
 
 // In device memory -------------------------------------------------------------------------------
 
 void Factorization::enqueue_factor(const BlockTridiagonal& a, const signed char* signs,
                                    const double* regularization, const Stream& stream) {
-  GroupSystem s = system_of(a);
-  s.signs = signs;
-  s.regularization = regularization;
+  const GroupMatrix matrix = matrix_of(a);
   failures_.set_bytes(0xff, stream);  // block -1
   failed_stage_.set_bytes(GroupSystem::kNever & 0xff, stream);
   failed_item_.set_bytes(GroupSystem::kNever & 0xff, stream);
-  launch_factor(plan_, entries(), s, stream);
+  with_system(matrix, [&](auto& s) {
+    s.signs = signs;
+    s.regularization = regularization;
+    launch_factor(plan_, entries(), s, stream);
+  });
 }
 
 void Factorization::check(const signed char* host_signs, double regularization,
@@ -153,15 +180,34 @@ FactorizationError Factorization::failure(int item, const signed char* signs, do
 }
 
 void Factorization::list(const int* listed, int places) {
-  system_.listed = listed;
-  system_.batch = places;
+  shape_.listed = listed;
+  shape_.batch = places;
+}
+
+void Factorization::reserve_solution(int m) {
+  if (precision() == Precision::float64 || m <= solve_columns_) return;
+  const std::size_t columns = static_cast<std::size_t>(batch()) * m;
+  solve_columns_ = solve_graph_columns_ = 0;
+  solve_graph_ = Graph();  // it works on the old room
+  rounded_ = DeviceBuffer<float>(columns * rows());
+  peak_ = DeviceBuffer<double>(columns);
+  scale_ = DeviceBuffer<double>(columns);
+  peak_.set_zero(stream_);  // every solution leaves zeros
+  stream_.synchronize();
+  solve_columns_ = m;
 }
 
 void Factorization::enqueue_solve(double* x, int m, const Stream& stream) const {
-  launch_solve(plan_, entries(), system_, x, m, stream);
+  if (precision() == Precision::float32 && m > solve_columns_) {
+    throw ArgumentError("enqueue_solve: " + std::to_string(m) + " columns, reserved are " +
+                        std::to_string(solve_columns_));
+  }
+  with_system(shape_,
+              [&](const auto& s) { launch_solve(plan_, entries(), s, x, m, room(), stream); });
 }
 
 void Factorization::reserve_refinement(int m) {
+  reserve_solution(m);
   if (m <= refine_columns_) return;
   const std::size_t values = static_cast<std::size_t>(batch()) * rows() * m;
   const std::size_t lanes = static_cast<std::size_t>(batch()) * linalg::column_chunks(m);
@@ -177,7 +223,8 @@ void Factorization::reserve_refinement(int m) {
 }
 
 linalg::RefineArrays Factorization::refine_arrays(const double* rhs) const {
-  return {rhs, residual_.data(), saved_.data(), norm_.data(), states_.data(), active_.data()};
+  return {rhs,   residual_.data(), saved_.data(), norm_.data(), states_.data(), active_.data(),
+          room()};
 }
 
 void Factorization::enqueue_refine(const BlockTridiagonal& a, const double* rhs, double* x, int m,
@@ -186,13 +233,15 @@ void Factorization::enqueue_refine(const BlockTridiagonal& a, const double* rhs,
     throw ArgumentError("enqueue_refine: " + std::to_string(m) + " columns, reserved are " +
                         std::to_string(refine_columns_));
   }
-  const GroupSystem s = system_of(a);
+  const GroupMatrix matrix = matrix_of(a);
   const linalg::RefineArrays arrays = refine_arrays(rhs);
   lanes_ = static_cast<long>(batch()) * linalg::column_chunks(m);
-  launch_refine_start(s, x, m, max_steps, tolerance, arrays, stream);
-  for (int k = 0; k < max_steps; ++k) {
-    launch_refine_step(plan_, entries(), s, x, m, max_steps, tolerance, arrays, stream);
-  }
+  launch_refine_start(matrix, x, m, max_steps, tolerance, arrays, stream);
+  with_system(matrix, [&](const auto& s) {
+    for (int k = 0; k < max_steps; ++k) {
+      launch_refine_step(plan_, entries(), s, x, m, max_steps, tolerance, arrays, stream);
+    }
+  });
 }
 
 linalg::Refinement Factorization::refinement(const Stream& stream) const {
@@ -260,6 +309,7 @@ void Factorization::reserve_columns(int m) {
     solve_graph_columns_ = 0;
     x_ = DeviceBuffer<double>(values);
   }
+  reserve_solution(m);
 }
 
 void Factorization::solve(double* rhs, int m) {
@@ -297,13 +347,15 @@ linalg::Refinement Factorization::refine(const linalg::SymmetricBlockTridiagonal
   if (rhs_.size() < values) rhs_ = DeviceBuffer<double>(values);
   rhs_.upload(rhs, values, stream_);
   x_.upload(x, values, stream_);
-  const GroupSystem s = system_of(matrix_);
+  const GroupMatrix matrix = matrix_of(matrix_);
   const linalg::RefineArrays arrays = refine_arrays(rhs_.data());
   lanes_ = static_cast<long>(batch()) * linalg::column_chunks(m);
-  launch_refine_start(s, x_.data(), m, max_steps, tolerance, arrays, stream_);
-  for (int k = 0; k < max_steps && refinement_goes_on(); ++k) {
-    launch_refine_step(plan_, entries(), s, x_.data(), m, max_steps, tolerance, arrays, stream_);
-  }
+  launch_refine_start(matrix, x_.data(), m, max_steps, tolerance, arrays, stream_);
+  with_system(matrix, [&](const auto& s) {
+    for (int k = 0; k < max_steps && refinement_goes_on(); ++k) {
+      launch_refine_step(plan_, entries(), s, x_.data(), m, max_steps, tolerance, arrays, stream_);
+    }
+  });
   const linalg::Refinement result = refinement(stream_);
   x_.download(x, values, stream_);
   stream_.synchronize();

@@ -6,10 +6,15 @@
 // factorization succeeded.
 #pragma once
 
+#include <variant>
+
 #include "trajopt/cuda/base/buffer.h"
+#include "trajopt/cuda/base/device.h"
 #include "trajopt/cuda/base/stream.h"
 #include "trajopt/cuda/linalg/block_tridiagonal.h"
+#include "trajopt/cuda/linalg/factors.h"
 #include "trajopt/linalg/group_sequence.h"
+#include "trajopt/linalg/precision.h"
 #include "trajopt/linalg/refinement.h"
 
 namespace trajopt::cuda {
@@ -20,7 +25,8 @@ class Factorization {
   // Ordering::automatic is cyclic for few problems and, where there are enough problems to fill the
   // device, two sweeps each, which need a third of the flops.
   Factorization(int blocks, int size, linalg::Ordering ordering = linalg::Ordering::automatic,
-                int chunks = 2, int batch = 1);
+                int chunks = 2, int batch = 1,
+                linalg::Precision precision = linalg::Precision::float64);
 
   // As linalg::Factorization. solve() and refine() keep their buffers for the next call.
   void factor(const linalg::SymmetricBlockTridiagonal& a, const signed char* signs = nullptr,
@@ -33,9 +39,11 @@ class Factorization {
   // them must live as long as the work that reads them; refinement reads the matrix again.
   void enqueue_factor(const BlockTridiagonal& a, const signed char* signs,
                       const double* regularization, const Stream& stream);
-  // x: (batch, blocks * size, m), in place.
+  // x: (batch, blocks * size, m), in place. With float32 factors call reserve_solution(m) before,
+  // outside of any capture: a graph that was captured before a larger reservation is void.
   void enqueue_solve(double* x, int m, const Stream& stream) const;
-  // Improves x. Call reserve_refinement(m) before, outside of any capture.
+  void reserve_solution(int m);
+  // Improves x. Call reserve_refinement(m) before, likewise; it reserves for solutions too.
   void enqueue_refine(const BlockTridiagonal& a, const double* rhs, double* x, int m, int max_steps,
                       double tolerance, const Stream& stream) const;
   void reserve_refinement(int m);
@@ -56,21 +64,35 @@ class Factorization {
   FactorizationError failure(int item, const signed char* signs, double regularization, int name,
                              const Stream& stream) const;
 
-  int blocks() const { return system_.blocks; }
-  int size() const { return system_.size; }
+  int blocks() const { return shape_.blocks; }
+  int size() const { return shape_.size; }
   int batch() const { return batch_; }
+  linalg::Precision precision() const {
+    return factors_.index() == 0 ? linalg::Precision::float64 : linalg::Precision::float32;
+  }
   linalg::Ordering ordering() const { return plan_.ordering; }  // never automatic
   bool factored() const { return factored_; }
   std::size_t device_bytes() const;  // of all buffers
 
-  // For launches that go with these: what they work on, without or with the matrix.
+  // For launches that go with these: what they work on, without or with the matrix. The factors
+  // are those in float64.
   const linalg::GroupPlan& plan() const { return plan_; }
   linalg::PlanEntries entries() const { return {eliminations_.data(), updates_.data()}; }
-  const linalg::GroupSystem& system() const { return system_; }
+  linalg::GroupSystem system() const;
   linalg::GroupSystem system_of(const BlockTridiagonal& a) const;
 
  private:
   long rows() const { return static_cast<long>(blocks()) * size(); }
+  template <class T>
+  Factors<T> make_factors(const DeviceInfo& device) const;
+  template <class T>
+  linalg::BasicGroupSystem<T> complete(const Factors<T>& factors,
+                                       const linalg::GroupMatrix& a) const;
+  // body(system) with the factors and the matrices `a`.
+  template <class Body>
+  void with_system(const linalg::GroupMatrix& a, const Body& body) const;
+  linalg::GroupMatrix matrix_of(const BlockTridiagonal& a) const;
+  linalg::GroupRounding room() const { return {rounded_.data(), peak_.data(), scale_.data()}; }
   linalg::RefineArrays refine_arrays(const double* rhs) const;
   void upload(const linalg::SymmetricBlockTridiagonal& a, const char* what);
   void reserve_columns(int m);
@@ -79,10 +101,10 @@ class Factorization {
 
   linalg::GroupPlan plan_;
   int batch_ = 1;
-  linalg::GroupSystem system_;  // its batch is that of the launches
+  linalg::GroupMatrix shape_;  // without a matrix; its batch and items are those of the launches
   DeviceBuffer<linalg::PlannedElimination> eliminations_;
   DeviceBuffer<linalg::PlannedUpdate> updates_;
-  DeviceBuffer<double> w_, couplings_, inverse_, scratch_;
+  std::variant<Factors<double>, Factors<float>> factors_;
   DeviceBuffer<linalg::GroupFailure> failures_;
   DeviceBuffer<int> failed_stage_, failed_item_;
   bool factored_ = false;
@@ -97,6 +119,11 @@ class Factorization {
   Graph factor_graph_, solve_graph_;
   int solve_graph_columns_ = 0;
   DeviceBuffer<double> x_, rhs_;
+
+  // Of solutions with float32 factors, for solve_columns_ right-hand sides.
+  int solve_columns_ = 0;
+  DeviceBuffer<float> rounded_;
+  DeviceBuffer<double> peak_, scale_;
 
   // Of refinement, for refine_columns_ right-hand sides.
   int refine_columns_ = 0;
