@@ -47,15 +47,3 @@ def test_auto_is_the_cpu(monkeypatch):
     ]
     assert [s.device for s in found] == ["cpu", "cpu"]
     np.testing.assert_array_equal(found[0].x, found[1].x)
-
-
-@pytest.mark.parametrize(
-    ("changes", "what"),
-    [
-        ({"formulation": "spline", "frames_per_knot": 5}, "the spline formulation"),
-    ],
-)
-def test_what_a_gpu_cannot_do_yet(monkeypatch, changes, what):
-    pretend(monkeypatch, "")
-    expected = "built without CUDA" if _core.cuda_build() is None else f"does not support {what}"
-    assert expected in refusal(make(**changes))

@@ -69,16 +69,5 @@ TEST(DeviceBatch, NoProblems) {
   EXPECT_TRUE(solve_funnels(std::vector<BatchItem>{}, cuda::make_executor, {}).empty());
 }
 
-TEST(DeviceBatch, WhatADeviceCannotDoIsRefusedAlone) {
-  test::Case cases[] = {make_member(0), test::make_case({.periodic = true})};
-  std::vector<BatchItem> items;
-  for (test::Case& c : cases)
-    items.push_back({{c.problem.get(), &c.state}, test::options_for(2), {}});
-  const auto ends = solve_funnels(items, cuda::make_executor, {});
-  EXPECT_FALSE(ends[0].error);
-  ASSERT_TRUE(ends[1].error);
-  EXPECT_THROW(std::rethrow_exception(ends[1].error), DeviceError);
-}
-
 }  // namespace
 }  // namespace trajopt

@@ -167,7 +167,7 @@ TEST(Batch, NotEvenOneFits) {
   }
 }
 
-// Problems of other shapes go to an executor of their own; what a device cannot do is refused.
+// Problems of other shapes go to an executor of their own.
 TEST(Batch, GroupedByShape) {
   const Formulation spline = Formulation::spline;
   test::Case cases[] = {
@@ -189,9 +189,7 @@ TEST(Batch, GroupedByShape) {
   Maker maker;
   const auto ends = solve_funnels(items, maker.function(), {});
   EXPECT_EQ(maker.made, (std::vector<std::size_t>{2, 2, 1, 1, 2, 1}));
-  for (int k : {0, 1, 2, 4, 5, 6, 7, 8}) EXPECT_FALSE(ends[k].error);
-  ASSERT_TRUE(ends[3].error);
-  EXPECT_THROW(std::rethrow_exception(ends[3].error), DeviceError);
+  for (const BatchEnd& end : ends) EXPECT_FALSE(end.error);
 }
 
 TEST(Batch, PollIsCalledAndMayStopEverything) {
