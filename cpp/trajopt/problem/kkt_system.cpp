@@ -14,8 +14,7 @@ using linalg::Ordering;
 
 bool KktSystem::frontal_possible(const TrajectoryProblem& problem) {
   const ProblemOptions& options = problem.options();
-  return options.formulation == Formulation::frames && !options.periodic &&
-         problem.objective().callbacks.empty();
+  return options.formulation == Formulation::frames && !options.periodic;
 }
 
 KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Ordering ordering)
@@ -35,9 +34,7 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
     std::fill_n(signs_.begin() + offset(node), dual_, static_cast<signed char>(-1));
   if (ordering == Ordering::frontal) {
     if (!frontal_possible(problem))
-      throw ArgumentError(
-          "ordering = 'frontal': expected formulation frames, not periodic, without terms that are "
-          "functions of the user");
+      throw ArgumentError("ordering = 'frontal': expected formulation frames, not periodic");
     frontal_ = std::make_unique<FrontalKkt>(nodes_, primal_, dual_);
   } else if (ring_) {
     bordered_ = std::make_unique<linalg::BorderedFactorization>(blocks_ - 1, size_, size_, ordering,

@@ -42,7 +42,7 @@ class KktSystem {
   long rows() const { return static_cast<long>(blocks_) * size_; }
   long offset(int node) const { return static_cast<long>(node) * (primal_ + dual_); }
 
-  // Whether Ordering::frontal can do it: frames, not periodic, no terms that are functions.
+  // Whether Ordering::frontal can do it: frames, not periodic.
   static bool frontal_possible(const TrajectoryProblem& problem);
 
   // Writes H + damping W and A. Without lin's Hessian (identity = true; not frontal) writes

@@ -163,6 +163,7 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
     for (int k = 0; k < workers; ++k) scratch_.push_back(aligned_buffer(bytes));
     scratch_bytes_ = bytes;
   }
+  evaluate_callbacks(out, lin != nullptr);
   if (lin != nullptr) lin->gradient.resize(n * 3 * d);
   if (lin != nullptr && lin->by_nodes) {
     run_nodes(in, out, *lin);
@@ -178,10 +179,8 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
   }
   for (std::size_t k = 0; k < local_terms_.size(); ++k)
     out.terms[index++] = folded<Sum>(local_cost_.data() + k * n, n);
-  for (const CallbackObjective& term : objective_.callbacks) {
-    add_callback(term, out, lin);
-    out.terms[index++] = folded<Sum>(items_.data(), n);
-  }
+  for (const CallbackValues& values : callbacks_)
+    out.terms[index++] = folded<Sum>(values.cost.data(), n);
   out.objective = 0;
   for (double t : out.terms) out.objective += t;
 
@@ -195,7 +194,37 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
   out.constraint_norm = spline_ ? largest(out.constraint) : out.frame_violation;
 }
 
-// Frames [begin, end) with their local terms, while the windows are in cache.
+// Functions of the user, of all frames at once.
+void TrajectoryProblem::evaluate_callbacks(const Evaluation& out, bool derivatives) {
+  const long n = frame_count_, d = model_.ndof;
+  callbacks_.resize(objective_.callbacks.size());
+  for (std::size_t k = 0; k < callbacks_.size(); ++k) {
+    const CallbackObjective& term = objective_.callbacks[k];
+    CallbackValues& values = callbacks_[k];
+    values.cost.resize(n);
+    values.residual.resize(n * term.rows);
+    if (derivatives) values.jacobian.resize(n * term.rows * 3 * d);
+    term.evaluate(out.frames.data(), values.residual.data(),
+                  derivatives ? values.jacobian.data() : nullptr);
+  }
+}
+
+// Their cost of a frame and, with derivatives, their share of its window.
+void TrajectoryProblem::add_callbacks(const FrameOutput& out, bool derivatives, long f) {
+  const long d = model_.ndof;
+  for (std::size_t k = 0; k < callbacks_.size(); ++k) {
+    const CallbackObjective& term = objective_.callbacks[k];
+    CallbackValues& values = callbacks_[k];
+    const CallbackRows rows{term.rows, term.weight, values.residual.data() + f * term.rows,
+                            derivatives ? values.jacobian.data() + f * term.rows * 3 * d : nullptr};
+    values.cost[f] = callback_cost(rows);
+    if (derivatives)
+      add_callback_rows(Serial{}, rows, static_cast<int>(d), out.hessian + f * 6 * d * d,
+                        out.gradient + f * 3 * d);
+  }
+}
+
+// Frames [begin, end) with all of their terms, while the windows are in cache.
 void TrajectoryProblem::run_chunk(const FrameInput& in, const FrameOutput& out, bool derivatives,
                                   long begin, long end, int worker) {
   const FrameKernels& kernels = frame_kernels();
@@ -208,6 +237,7 @@ void TrajectoryProblem::run_chunk(const FrameInput& in, const FrameOutput& out, 
       local_kernel(in, local_terms_[k], f, last, out.hessian, out.gradient,
                    local_cost_.data() + k * frame_count_);
     }
+    for (long i = f; i < last; ++i) add_callbacks(out, derivatives, i);
   }
 }
 
@@ -260,24 +290,6 @@ void TrajectoryProblem::run_nodes(const FrameInput& in, Evaluation& out, Lineari
   parallel_for(chunks - 1, workers, [&](long chunk, int) {
     kernels.add_spill(rows, (chunk + 1) * kFrames, spill_.data() + (chunk + 1) * spill,
                       lin.node_rows.data());
-  });
-}
-
-// Leaves the cost of every frame in items_.
-void TrajectoryProblem::add_callback(const CallbackObjective& term, const Evaluation& out,
-                                     Linearization* lin) {
-  const long n = frame_count_, d = model_.ndof, rows = term.rows;
-  callback_residual_.resize(n * rows);
-  if (lin) callback_jacobian_.resize(n * rows * 3 * d);
-  term.evaluate(out.frames.data(), callback_residual_.data(),
-                lin ? callback_jacobian_.data() : nullptr);
-  parallel_for(n, options_.threads, [&](long f, int) {
-    const CallbackRows t{term.rows, term.weight, callback_residual_.data() + f * rows,
-                         lin ? callback_jacobian_.data() + f * rows * 3 * d : nullptr};
-    items_[f] = callback_cost(t);
-    if (!lin) return;
-    add_callback_rows(Serial{}, t, static_cast<int>(d), lin->hessian.data() + f * 6 * d * d,
-                      lin->gradient.data() + f * 3 * d);
   });
 }
 

@@ -99,13 +99,18 @@ class TrajectoryProblem {
                          std::vector<double>& constraint) const;
 
  private:
+  struct CallbackValues {  // of a term
+    std::vector<double> cost, residual, jacobian;  // N, N x rows, N x rows x 3 x D
+  };
+
   ControlPoints control_points(const State& state) const;
   void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
   void run_frames(const FrameInput& in, Evaluation& out, Linearization* lin);
   void run_nodes(const FrameInput& in, Evaluation& out, Linearization& lin);
   void run_chunk(const FrameInput& in, const FrameOutput& out, bool derivatives, long begin,
                  long end, int worker);
-  void add_callback(const CallbackObjective& term, const Evaluation& out, Linearization* lin);
+  void evaluate_callbacks(const Evaluation& out, bool derivatives);
+  void add_callbacks(const FrameOutput& out, bool derivatives, long f);
   void reduce_gradient(Linearization& lin) const;
 
   Model model_;
@@ -127,7 +132,7 @@ class TrajectoryProblem {
   std::vector<double> cost_;                  // N x dense terms
   std::vector<double> local_cost_;            // local terms x N
   std::vector<double> items_;                 // N: what is being summed
-  std::vector<double> callback_residual_, callback_jacobian_;
+  std::vector<CallbackValues> callbacks_;
 };
 
 }  // namespace trajopt

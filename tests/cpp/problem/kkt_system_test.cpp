@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "problem/fixtures.h"
+#include "solver/functions.h"
 #include "trajopt/base/error.h"
 #include "trajopt/problem/node_kernels.h"
 
@@ -273,8 +274,9 @@ TEST(KktByNodes, IsTheMatrixByBlocks) {
   for (int frames : {1, 2, 3, 15, 16, 17, 18, 33, 64}) {
     for (int threads : {1, 2}) {
       const test::Setup setup{.frames = frames, .uneven = true, .threads = threads};
-      const Linearized blocks = linearize(test::make_case(setup), 1e-3);
-      const Linearized nodes = linearize(test::make_case(setup), 1e-3, Ordering::frontal);
+      const Linearized blocks = linearize(test::make_case_with_functions(setup), 1e-3);
+      const Linearized nodes =
+          linearize(test::make_case_with_functions(setup), 1e-3, Ordering::frontal);
       EXPECT_EQ(nodes.e.objective, blocks.e.objective);
       EXPECT_EQ(nodes.lin.node_gradient, blocks.lin.node_gradient);
       KktSystem by_blocks(*blocks.c.problem, 60.0, Ordering::sequential);
