@@ -71,7 +71,7 @@ struct CallbackCostWork {
       if (f >= b.frames) return;
       for (int k = 0; k < s->ncallback; ++k) {
         s->callback_cost[k * b.frames + f] =
-            callback_cost(callback_rows(stage, s->callback[k], place, f, s->primal()));
+            callback_cost(callback_rows(stage, s->callback[k], place, f, s->in.model.ndof));
       }
     });
   }
@@ -94,7 +94,7 @@ struct CallbackDerivativesWork {
     const long place = job / b.frames, f = job % b.frames;
     const FramesSystem* s = b.system(place);
     if (s == nullptr) return;
-    const int d = s->primal();
+    const int d = s->in.model.ndof;
     for (int k = 0; k < s->ncallback; ++k) {
       add_callback_rows(group, callback_rows(stage, s->callback[k], place, f, d), d,
                         s->hessian + f * 6 * d * d, s->gradient + f * 3 * d);
