@@ -84,13 +84,15 @@ TEST(DeviceExecutor, Ring) {
 }
 
 TEST(DeviceExecutor, FunctionsOfTheUser) {
-  for (bool periodic : {false, true}) {
+  for (const test::Setup& setup :
+       {test::Setup{.frames = 24, .turn = 0.02},
+        test::Setup{.frames = 24, .periodic = true, .turn = 0.02},
+        test::Setup{.formulation = Formulation::spline, .frames = 25, .turn = 0.02}}) {
     FunnelOptions options;
     options.ordering = Ordering::cyclic;
     options.max_iterations = 40;
     options.funnel = 1e3;
     options.objective_tolerance = 1e-6;
-    const test::Setup setup{.frames = 24, .periodic = periodic, .turn = 0.02};
     EXPECT_GE(compare([&] { return test::make_case_with_functions(setup); }, options), 30u);
   }
 }

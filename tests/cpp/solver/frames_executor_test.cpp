@@ -128,8 +128,10 @@ TEST(FramesExecutor, Ring) {
 }
 
 TEST(FramesExecutor, FunctionsOfTheUser) {
-  for (test::Setup setup : {test::Setup{.frames = 13, .turn = 0.02},
-                            test::Setup{.frames = 16, .periodic = true, .turn = 0.02}}) {
+  for (const test::Setup& setup :
+       {test::Setup{.frames = 13, .turn = 0.02},
+        test::Setup{.frames = 16, .periodic = true, .turn = 0.02},
+        test::Setup{.formulation = Formulation::spline, .frames = 25, .turn = 0.02}}) {
     FunnelOptions options;
     options.ordering = Ordering::cyclic;
     options.max_iterations = 40;
