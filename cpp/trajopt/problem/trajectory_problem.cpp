@@ -179,8 +179,7 @@ void TrajectoryProblem::run(const State& state, double augmentation, Evaluation&
   }
   for (std::size_t k = 0; k < local_terms_.size(); ++k)
     out.terms[index++] = folded<Sum>(local_cost_.data() + k * n, n);
-  for (CallbackValues& values : callbacks_)
-    out.terms[index++] = folded<Sum>(values.cost.data(), n);
+  for (CallbackValues& values : callbacks_) out.terms[index++] = folded<Sum>(values.cost.data(), n);
   out.objective = 0;
   for (double t : out.terms) out.objective += t;
 

@@ -99,7 +99,7 @@ class TrajectoryProblem {
                          std::vector<double>& constraint) const;
 
  private:
-  struct CallbackValues {  // of a term
+  struct CallbackValues {                          // of a term
     std::vector<double> cost, residual, jacobian;  // N, N x rows, N x rows x 3 x D
   };
 
