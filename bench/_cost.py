@@ -7,17 +7,17 @@ Counted is the least that an accepted iteration of the frames formulation does:
 - derivatives: 35 kflop a frame for FD, three Jacobians and the center of mass (counted for D = 18,
   scaled with D²), 10 kflop for one trial evaluation; belongs to phase ``dynamics``;
 - Gram matrices: w² for an objective or physics row with w nonzero columns (2 flops for each element
-  of the lower triangle); done frame by frame while the derivatives are in cache, so phase
-  ``dynamics``, too;
-- assembly: one addition per element of the window's six D × D blocks and of the 3 (D − nu) × D
-  constraint rows;
-- factorization: 7/3 B³ per block, B = 2 (2D − nu), N/2 blocks;
-- solve: 8 B² per block and right-hand side (substitution and one refinement), two of them: the
+  of the lower triangle), and the addition of neighbouring frames' windows to the KKT matrix by
+  nodes, 3 D²; done while the derivatives are in cache, so phase ``dynamics``, too;
+- factorization: W³/3 + W² K + W K² for a node of W = 2 D − nu rows that leaves K columns coupled,
+  K = 2 D for the 4/7 of the nodes that are eliminated downwards and 2 W for the others;
+- solve: 2 W² + 4 W K a node and right-hand side, and 2 W² + 8 W D for a residual; two of them, the
   tangential and the normal step.
 
-Bytes: the window's blocks and constraint rows are written once by the derivatives and read once by
-the assembly, which writes the matrix (1.5 B² numbers a block); the factorization reads it and
-writes as much; a solve reads the factor four times (down and up, twice) and the matrix once.
+Bytes: a node's rows of the matrix, W (2 D + W) numbers, are written once by the derivatives and
+read by the factorization, which writes W K + W²/2; a solution reads these twice, down and up, for
+both right-hand sides together, and the matrix once for the residual. There is no phase
+``assembly`` left: other orderings than ``frontal`` have one.
 
 What comes on top of it in a real iteration: second-order corrections (up to two more trials and
 solves), predicted decrease, a second factorization where the inertia was wrong.
@@ -41,6 +41,8 @@ from trajopt import objectives
 from trajopt.plotting.style import ACCENT, INK, MUTED, SERIES, figure, tidy
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from trajopt.objectives import _Term
 
 PHASES = ("dynamics", "assembly", "factorization", "solve")
@@ -87,12 +89,16 @@ def count_flops(problem: trajopt.Problem) -> dict[str, float]:
     d, dual = model.ndof, model.ndof - model.nactuated
     gram = frames * dual * (3 * d) ** 2  # the exact augmentation of the physics rows
     gram += sum(_gram(term, problem) for term in problem.terms)
-    size, blocks = 2 * (d + dual), (frames + 1) // 2
+    width = d + dual
+
+    def mean(cost: Callable[[int], float]) -> float:
+        return frames * (4 / 7 * cost(2 * d) + 3 / 7 * cost(2 * width))
+
     return {
-        "dynamics": frames * (35e3 + 10e3) * (d / 18) ** 2 + gram,
-        "assembly": frames * (6.0 * d * d + 3.0 * dual * d),
-        "factorization": 7 / 3 * size**3 * blocks,
-        "solve": 2 * 8.0 * size**2 * blocks,
+        "dynamics": frames * ((35e3 + 10e3) * (d / 18) ** 2 + 3.0 * d * d) + gram,
+        "assembly": 0.0,
+        "factorization": mean(lambda k: width**3 / 3 + width**2 * k + width * k**2),
+        "solve": 2 * mean(lambda k: 4.0 * width**2 + 4 * width * k + 8 * width * d),
     }
 
 
@@ -117,13 +123,15 @@ def _gram(term: _Term, problem: trajopt.Problem) -> float:
 def count_bytes(problem: trajopt.Problem) -> dict[str, float]:
     """Bytes that each phase of the least iteration moves; see the module's text."""
     d, dual = problem.model.ndof, problem.model.ndof - problem.model.nactuated
-    windows = 8.0 * problem.frames * (6 * d * d + 3 * dual * d)
-    matrix = 8.0 * 1.5 * (2 * (d + dual)) ** 2 * ((problem.frames + 1) // 2)
+    width = d + dual
+    matrix = 8.0 * problem.frames * width * (2 * d + width)
+    kept = 4 / 7 * 2 * d + 3 / 7 * 2 * width
+    factors = 8.0 * problem.frames * (width * kept + width**2 / 2)
     return {
-        "dynamics": windows,
-        "assembly": windows + matrix,
-        "factorization": 2 * matrix,
-        "solve": 5 * matrix,
+        "dynamics": matrix,
+        "assembly": 0.0,
+        "factorization": matrix + factors,
+        "solve": 2 * factors + matrix,
     }
 
 
