@@ -14,9 +14,9 @@ auto shape(const BatchItem& item) {
   const TrajectoryProblem& p = *item.member.problem;
   const ExecutorOptions o = executor_options(item.options);
   return std::tuple(p.options().formulation, p.options().periodic, p.frame_count(), p.nodes(),
-                    p.model().nq, p.primal(), p.dual(), p.dense_terms().size(), p.local_terms().size(),
-                    p.objective().callbacks.size(), o.smoothing, o.augmentation, o.epsilon,
-                    o.ordering);
+                    p.model().nq, p.primal(), p.dual(), p.dense_terms().size(),
+                    p.local_terms().size(), p.objective().callbacks.size(), o.smoothing,
+                    o.augmentation, o.epsilon, o.ordering);
 }
 
 // The problems of one executor, each at its own question.
