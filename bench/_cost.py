@@ -16,8 +16,8 @@ Counted is the least that an accepted iteration of the frames formulation does:
 
 Bytes: a node's rows of the matrix, W (2 D + W) numbers, are written once by the derivatives and
 read by the factorization, which writes W K + W²/2; a solution reads these twice, down and up, for
-both right-hand sides together, and the matrix once for the residual. There is no phase
-``assembly`` left: other orderings than ``frontal`` have one.
+both right-hand sides together, and the matrix once for the residual. A phase ``assembly`` is there
+in other orderings than ``frontal`` only.
 
 What comes on top of it in a real iteration: second-order corrections (up to two more trials and
 solves), predicted decrease, a second factorization where the inertia was wrong.
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from trajopt.objectives import _Term
 
-PHASES = ("dynamics", "assembly", "factorization", "solve")
+PHASES = ("dynamics", "factorization", "solve")
 MUST, AIM = 20.0, 8.0  # milliseconds
 SCENARIO = "mammal-walk"
 
@@ -96,7 +96,6 @@ def count_flops(problem: trajopt.Problem) -> dict[str, float]:
 
     return {
         "dynamics": frames * ((35e3 + 10e3) * (d / 18) ** 2 + 3.0 * d * d) + gram,
-        "assembly": 0.0,
         "factorization": mean(lambda k: width**3 / 3 + width**2 * k + width * k**2),
         "solve": 2 * mean(lambda k: 4.0 * width**2 + 4 * width * k + 8 * width * d),
     }
@@ -129,7 +128,6 @@ def count_bytes(problem: trajopt.Problem) -> dict[str, float]:
     factors = 8.0 * problem.frames * (width * kept + width**2 / 2)
     return {
         "dynamics": matrix,
-        "assembly": 0.0,
         "factorization": matrix + factors,
         "solve": 2 * factors + matrix,
     }
