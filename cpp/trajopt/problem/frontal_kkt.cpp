@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "trajopt/base/error.h"
 #include "trajopt/base/fetch.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/linalg/pivot_error.h"
@@ -45,11 +46,13 @@ FrontalKkt::FrontalKkt(int nodes, int primal, int dual, Isa isa, linalg::Storage
 }
 
 void FrontalKkt::factor(const NodeRows& rows, double epsilon, int threads) {
+  factored_ = false;
   FrontSweep* sweeps[] = {&up_, &down_};
   parallel_for(2, threads, [&](long k, int) { sweeps[k]->factor(rows, signs_.data(), epsilon); });
   for (const FrontSweep* sweep : sweeps)  // the upward one has the lower nodes
     if (sweep->failed_node() >= 0) fail(sweep->failed_node(), sweep->pivot());
   factor_root(rows, epsilon);
+  factored_ = true;
 }
 
 void FrontalKkt::fail(int node, const linalg::Pivot& pivot) const {
@@ -113,6 +116,7 @@ void FrontalKkt::add_schur_to_root() {
 }
 
 void FrontalKkt::solve(double* x, int m, int threads) {
+  if (!factored_) throw ArgumentError("solve: there is no factorization, factor() has to succeed");
   grow(kept_down_, 2L * width_ * m);
   grow(kept_up_, 2L * width_ * m);
   const FrontSweep* sweeps[] = {&up_, &down_};

@@ -32,7 +32,8 @@ class FrontalKkt {
   // accuracy or has the wrong sign. The arrays of `rows` are read again by refine() and residual().
   void factor(const NodeRows& rows, double epsilon, int threads);
 
-  // Solves in place; x is (nodes * (dual + primal), m), row-major.
+  // Solves in place; x is (nodes * (dual + primal), m), row-major. Throws ArgumentError unless
+  // factor() has succeeded.
   void solve(double* x, int m, int threads);
 
   // Improves x towards K x = rhs, K without epsilon, as linalg::Factorization::refine does.
@@ -58,6 +59,7 @@ class FrontalKkt {
   std::vector<signed char> signs_;  // of two nodes
   FrontSweep down_, up_;
   int root_node_, root_nodes_;  // the first one, and how many
+  bool factored_ = false;
   long root_ld_;
   linalg::BlockBuffer root_, root_u_, root_inverse_, root_packed_, root_before_, root_coupling_;
   linalg::BlockBuffer kept_down_, kept_up_;                     // of solve()

@@ -195,6 +195,26 @@ TEST_P(Frontal, ABadPivotIsNamedByNodeAndRow) {
   }
 }
 
+// What a matrix that is not a number left in the memory of a factorization does not reach the next.
+TEST_P(Frontal, AFailureLeavesNoTrace) {
+  const auto solution = [&](FrontalKkt& kkt) {
+    kkt.factor(matrix_.rows, kEpsilon, 1);
+    std::vector<double> x = test::Random(5).vector(2 * matrix_.size());
+    kkt.solve(x.data(), 2, 1);
+    return x;
+  };
+  FrontalKkt fresh = make(), used = make();
+  Matrix unknown(GetParam());
+  for (int node : {0, GetParam().nodes - 1}) {
+    unknown.entry(node, GetParam().dual, unknown.rows.kept() + GetParam().dual) =
+        std::numeric_limits<double>::quiet_NaN();
+    EXPECT_THROW(used.factor(unknown.rows, kEpsilon, 1), FactorizationError);
+    std::vector<double> x(matrix_.size());
+    EXPECT_THROW(used.solve(x.data(), 1, 1), ArgumentError);
+  }
+  EXPECT_EQ(solution(used), solution(fresh));
+}
+
 INSTANTIATE_TEST_SUITE_P(Shapes, Frontal,
                          testing::Values(Shape{1, 3, 1}, Shape{2, 3, 1}, Shape{3, 5, 2},
                                          Shape{4, 1, 1}, Shape{5, 9, 0}, Shape{6, 6, 6},
