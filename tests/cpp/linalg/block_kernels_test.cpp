@@ -96,6 +96,7 @@ void BlockKernelsTest::eliminate() const {
   const auto signs = test::mixed_signs(n, n);
   Matrix<T> a = random<T>(n, n, 1);
   for (int i = 0; i < n; ++i) a[i * n + i] = signs[i] * (T(4) * n + 1 + a[i * n + i] * T(0.1));
+  const Matrix<T> start = a;
   const std::vector<double> original(a.begin(), a.end());
   const Padded<T> w(n, n, a), u(n, n), left(n, n, random<T>(n, n, 2)),
       right(n, n, random<T>(n, n, 3));
@@ -125,6 +126,22 @@ void BlockKernelsTest::eliminate() const {
   expect_same_bits(v_right.matrix(), s[1], "right V");
   expect_same_bits(u_left.matrix(), unscaled[0], "left U");
   expect_same_bits(u_right.matrix(), unscaled[1], "right U");
+
+  // Fewer columns of a coupling: the same bits in those.
+  const int columns = (n + 1) / 2;
+  const Padded<T> again(n, n, start), v(n, n), unscaled_v(n, n);
+  e.diagonal = e.w = again.data();
+  e.left = {columns, left.data(), left.ld(), v.data(), unscaled_v.data()};
+  e.right = {};
+  ASSERT_EQ(kernels<T>().eliminate(e).row, -1);
+  const auto first_columns = [&](const Matrix<T>& m) {
+    Matrix<T> part;
+    for (int r = 0; r < n; ++r)
+      part.insert(part.end(), m.begin() + r * n, m.begin() + r * n + columns);
+    return part;
+  };
+  expect_same_bits(first_columns(v.matrix()), first_columns(s[0]), "columns of V");
+  expect_same_bits(first_columns(unscaled_v.matrix()), first_columns(unscaled[0]), "columns of U");
 }
 
 template <class T>
