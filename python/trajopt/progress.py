@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
+from trajopt.checks import whole
 from trajopt.records import IterationRecord, Observer
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ class LinePrinter:
 
     def __init__(self, stream: TextIO | None = None, every: int = 10) -> None:
         self._stream = sys.stderr if stream is None else stream
-        self._every = every
+        self._every = whole(type(self).__name__, "every", every, 1)
         self._last: IterationRecord | None = None
         self._pending = False
 

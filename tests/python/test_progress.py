@@ -48,6 +48,13 @@ def test_lines_show_every_kth_iteration_new_stages_and_the_last() -> None:
     assert [int(line.split()[0]) for line in lines] == [0, 10, 20, 25, 30, 37]
 
 
+@pytest.mark.parametrize("kind", [LinePrinter, LivePrinter])
+@pytest.mark.parametrize("every", [0, -1, 1.5])
+def test_what_is_no_number_of_iterations(kind: type[LinePrinter], every: int) -> None:
+    with pytest.raises(trajopt.TrajoptError, match=f"{kind.__name__}: every must be a whole"):
+        kind(every=every)
+
+
 def test_columns_line_up() -> None:
     stream = io.StringIO()
     with LinePrinter(stream, every=1) as show:
