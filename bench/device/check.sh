@@ -75,6 +75,15 @@ build() {
     cp "$BUILD/$core"/_core*.so "$BUILD/stage/trajopt/"
 }
 export PYTHONPATH=$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
+# An editable installation would come first, whatever the path says.
+if wanted test || wanted bench; then
+  found=$("$PYTHON" -c 'import os, trajopt; print(os.path.dirname(trajopt.__file__))')
+  if [[ $found != "$BUILD"/stage/* ]]; then
+    echo "error: $PYTHON imports trajopt from ${found:-nowhere}, not what was built in $BUILD/stage;" \
+      "set PYTHON to one without an installed trajopt"
+    exit 1
+  fi
+fi
 
 if wanted build; then
   try "build" build
