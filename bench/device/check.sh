@@ -75,6 +75,12 @@ build() {
     cp "$BUILD/$core"/_core*.so "$BUILD/stage/trajopt/"
 }
 export PYTHONPATH=$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
+
+if wanted build; then
+  try "build" build
+  ((${#failed[@]} == 0)) || { echo "nothing to run"; exit 1; }
+fi
+
 # An editable installation would come first, whatever the path says.
 if wanted test || wanted bench; then
   found=$("$PYTHON" -c 'import os, trajopt; print(os.path.dirname(trajopt.__file__))')
@@ -83,11 +89,6 @@ if wanted test || wanted bench; then
       "set PYTHON to one without an installed trajopt"
     exit 1
   fi
-fi
-
-if wanted build; then
-  try "build" build
-  ((${#failed[@]} == 0)) || { echo "nothing to run"; exit 1; }
 fi
 
 if wanted test; then
