@@ -83,7 +83,7 @@ class Solution:
     device : str
         Where it ran: ``cpu`` or ``cuda``.
     ordering : str
-        Elimination order of the KKT system.
+        Elimination order of the KKT system that was asked for; ``auto`` left it to the solver.
     seed : int
         Seed of the noise on the start.
     history : list of IterationRecord
