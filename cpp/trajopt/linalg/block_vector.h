@@ -62,7 +62,7 @@ TRAJOPT_ALWAYS_INLINE void load_square(const T* square, long ld, int rows, long 
   if (rows == W) {
 #pragma GCC unroll 16
     for (int r = 0; r < W; ++r) {
-      prefetch(square + r * ld + ahead);
+      prefetch_far(square + r * ld + ahead);
       t[r] = load(square + r * ld);
     }
   } else {
@@ -70,7 +70,7 @@ TRAJOPT_ALWAYS_INLINE void load_square(const T* square, long ld, int rows, long 
     for (int r = 0; r < W; ++r) {
       t[r] = broadcast(T(0));
       if (r >= rows) continue;
-      prefetch(square + r * ld + ahead);
+      prefetch_far(square + r * ld + ahead);
       t[r] = load(square + r * ld);
     }
   }
@@ -92,7 +92,7 @@ inline void subtract_transposed_few(int rows, int columns, const T* v, long ld, 
         const T* row = v + k * ld + c;
 #pragma GCC unroll 8
         for (int i = 0; i < NV; ++i) {
-          if (i * W % kLine<T> == 0) prefetch(row + i * W + ahead);
+          if (i * W % kLine<T> == 0) prefetch_far(row + i * W + ahead);
           sum[i].subtract(x + k * M, load(row + i * W));
         }
       }
@@ -161,12 +161,12 @@ inline void substitute_transposed_few(int size, const T* packed, T* x, long ahea
     sum.read(x + c * M, height);
     for (int k = size - 1; k >= c + W; --k) {
       const T* row = corner + (k - c) * static_cast<long>(L);
-      prefetch(row + ahead);
+      prefetch_far(row + ahead);
       sum.subtract(x + k * M, load(row));
     }
 #pragma GCC unroll 16
     for (int r = W - 1; r > 0; --r) {
-      prefetch(corner + r * L + ahead);
+      prefetch_far(corner + r * L + ahead);
       if (r >= height) continue;
       const Vec<T> row = load(corner + r * L);
 #pragma GCC unroll 2
@@ -174,14 +174,59 @@ inline void substitute_transposed_few(int size, const T* packed, T* x, long ahea
         sum.a[j] = fnma_first(r, broadcast_lane(sum.a[j], r), row, sum.a[j]);
       }
     }
-    prefetch(corner + ahead);
+    prefetch_far(corner + ahead);
     sum.write(x + c * M, height);
+  }
+}
+
+// x = (the square of W on its diagonal)^-1 x for `height` rows.
+template <class T, int M>
+TRAJOPT_ALWAYS_INLINE void substitute_square(const T* square, int height, long ahead,
+                                             RowsOf<T, M>& x) {
+  constexpr int W = kWidth<T>;
+  Vec<T> t[W];
+  load_square(square, kLine<T>, W, ahead, t);
+  transpose(t);
+#pragma GCC unroll 16
+  for (int s = 0; s + 1 < W; ++s) {
+    if (s + 1 >= height) continue;
+#pragma GCC unroll 2
+    for (int j = 0; j < M; ++j) {
+      x.a[j] = fnma_from(s + 1, broadcast_lane(x.a[j], s), t[s], x.a[j]);
+    }
+  }
+}
+
+// The packed W in the order in which it lies in memory: columns, from each its rows downwards. Of
+// `Panels` panels of W rows, which stay in registers.
+template <int M, int Panels, class T>
+TRAJOPT_ALWAYS_INLINE void substitute_panels(int size, const T* packed, T* x, long ahead) {
+  constexpr int W = kWidth<T>, L = kLine<T>;
+  const int tail = size - (Panels - 1) * W;
+  RowsOf<T, M> sum[Panels];
+#pragma GCC unroll 4
+  for (int p = 0; p < Panels; ++p) sum[p].read(x + p * W * M, p == Panels - 1 ? tail : W);
+#pragma GCC unroll 4
+  for (int p = 0; p < Panels; ++p) {
+    const int c = p * W, height = p == Panels - 1 ? tail : W;
+    substitute_square(packed + PackedTriangle<T>::at(size, c, c), height, ahead, sum[p]);
+    sum[p].write(x + c * M, height);
+#pragma GCC unroll 4
+    for (int q = p + 1; q < Panels; ++q) {
+      subtract_square(packed + PackedTriangle<T>::at(size, q * W, c), L, W, W, x + c * M, ahead,
+                      sum[q]);
+    }
   }
 }
 
 template <int M, class T>
 inline void substitute_few(int size, const T* packed, T* x, long ahead) {
-  constexpr int W = kWidth<T>, L = kLine<T>;
+  constexpr int W = kWidth<T>, L = kLine<T>, kMost = 4;
+  if (size <= kMost * W) {
+    return with_constant<kMost>(vectors<T>(size), [&]<int Panels>() {
+      substitute_panels<M, Panels>(size, packed, x, ahead);
+    });
+  }
   for (int r0 = 0; r0 < size; r0 += W) {
     const int height = size - r0 < W ? size - r0 : W;
     RowsOf<T, M> sum;
@@ -189,17 +234,7 @@ inline void substitute_few(int size, const T* packed, T* x, long ahead) {
     for (int c = 0; c < r0; c += W) {
       subtract_square(packed + PackedTriangle<T>::at(size, r0, c), L, W, W, x + c * M, ahead, sum);
     }
-    Vec<T> t[W];
-    load_square(packed + PackedTriangle<T>::at(size, r0, r0), L, W, ahead, t);
-    transpose(t);
-#pragma GCC unroll 16
-    for (int s = 0; s + 1 < W; ++s) {
-      if (s + 1 >= height) continue;
-#pragma GCC unroll 2
-      for (int j = 0; j < M; ++j) {
-        sum.a[j] = fnma_from(s + 1, broadcast_lane(sum.a[j], s), t[s], sum.a[j]);
-      }
-    }
+    substitute_square(packed + PackedTriangle<T>::at(size, r0, r0), height, ahead, sum);
     sum.write(x + r0 * M, height);
   }
 }

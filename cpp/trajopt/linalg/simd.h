@@ -25,5 +25,7 @@ TRAJOPT_ALWAYS_INLINE float fnma(float a, float b, float c) { return __builtin_f
 
 // Asks for the line of p; any address is allowed.
 TRAJOPT_ALWAYS_INLINE void prefetch(const void* p) { __builtin_prefetch(p, 0, 3); }
+// The same into the second level, for what is read once: the first is too small to wait in.
+TRAJOPT_ALWAYS_INLINE void prefetch_far(const void* p) { __builtin_prefetch(p, 0, 2); }
 
 }  // namespace trajopt::linalg::inline TRAJOPT_ISA

@@ -17,6 +17,11 @@ constexpr std::size_t kStreamedBytes = std::size_t{16} << 20;
 // Fronts whose memory is asked for ahead of the one that is worked on.
 constexpr int kAhead = 3;
 
+// Doubles between what the first half of a solution reads and what it asks for. It needs little of
+// that and the second half nothing: records are read line by line, downwards and then upwards, and a
+// processor's own prefetcher follows. What jumps to and fro in a record gets half the rate.
+constexpr long kForwardAhead = 344;
+
 long lines(long count) { return (count + kLine - 1) / kLine * kLine; }
 
 }  // namespace
@@ -39,6 +44,7 @@ FrontSweep::FrontSweep(int nodes, int count, int primal, int dual, Direction dir
                  linalg::size_product({record_, count, sizeof(double)}) > kStreamedBytes)),
       kernels_(linalg::block_kernels(isa)),
       row_kernels_(node_row_kernels(isa)),
+      products_(row_product_kernels(isa)),
       records_(linalg::size_product({record_, count})),
       finished_(record_),
       w_(width_ * ld_),
@@ -48,10 +54,12 @@ FrontSweep::FrontSweep(int nodes, int count, int primal, int dual, Direction dir
   for (linalg::BlockBuffer& s : schur_) s = linalg::BlockBuffer(2 * half_ * schur_ld_);
 }
 
-void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double epsilon) {
+void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double epsilon, double* x,
+                        int m, double* kept) {
   failed_ = -1;
   last_ = 0;
   std::fill_n(schur_[0].data(), schur_[0].size(), 0.0);
+  std::fill_n(kept, 2L * half_ * m, 0.0);
   linalg::Elimination e;
   e.size = width_;
   e.ld = e.diagonal_ld = e.left.source_ld = ld_;
@@ -81,6 +89,7 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
     kernels_.update(2 * half_, 2 * half_, width_, next, schur_ld_, next, schur_ld_, v, ld_,
                     coupling_u_.data(), ld_, true);
     last_ = 1 - last_;
+    if (m > 0) forward_front(k, finished, x, m, kept);
     if (streamed_) kernels_.stream(finished, record(k), record_);
   }
   // What was written around the caches is in memory before another thread is told that it is.
@@ -101,33 +110,59 @@ void FrontSweep::write_front(const NodeRows& rows, double epsilon, int front, do
 }
 
 void FrontSweep::forward(double* x, int m, double* kept) const {
+  std::fill_n(kept, 2L * half_ * m, 0.0);
+  for (int k = 0; k < count_; ++k) forward_front(k, record(k), x, m, kept);
+}
+
+void FrontSweep::forward_front(int front, const double* record, double* x, int m,
+                               double* kept) const {
   const long part = static_cast<long>(half_) * m;
-  std::fill_n(kept, 2 * part, 0.0);
-  for (int k = 0; k < count_; ++k) {
-    double* xi = x + static_cast<long>(node(k)) * width_ * m;
-    if (k + kAhead < count_) fetch_downwards(record(k + kAhead), record_);
-    double* stays = xi + static_cast<long>(offset()) * m;
-    for (long j = 0; j < part; ++j) stays[j] += kept[part + j];
-    std::copy_n(kept, part, kept + part);
-    std::fill_n(kept, part, 0.0);
-    kernels_.substitute_transposed(width_, record(k) + w_at_, xi, m, m, 0);
-    kernels_.subtract_transposed(width_, 2 * half_, record(k) + v_at_, ld_, xi, kept, m, m, m, 0);
-  }
+  double* xi = x + static_cast<long>(node(front)) * width_ * m;
+  double* stays = xi + static_cast<long>(offset()) * m;
+  for (long j = 0; j < part; ++j) stays[j] += kept[part + j];
+  std::copy_n(kept, part, kept + part);
+  std::fill_n(kept, part, 0.0);
+  kernels_.substitute_transposed(width_, record + w_at_, xi, m, m, -kForwardAhead);
+  kernels_.subtract_transposed(width_, 2 * half_, record + v_at_, ld_, xi, kept, m, m, m,
+                               -kForwardAhead);
 }
 
 void FrontSweep::backward(double* x, int m, double* kept) const {
-  const long part = static_cast<long>(half_) * m;
+  const int columns = 2 * half_;
+  double* by_columns = kept + static_cast<long>(columns) * m;
+  for (int j = 0; j < m; ++j) {
+    double* column = by_columns + j * ld_;
+    for (int r = 0; r < columns; ++r) column[r] = kept[static_cast<long>(r) * m + j];
+    std::fill(column + columns, column + ld_, 0.0);
+  }
   for (int k = count_ - 1; k >= 0; --k) {
     double* xi = x + static_cast<long>(node(k)) * width_ * m;
-    if (k >= kAhead) fetch(record(k - kAhead), record_);
     const double* over = record(k);
     for (int r = 0; r < width_; ++r) {
       for (int j = 0; j < m; ++j) xi[static_cast<long>(r) * m + j] *= over[r];
     }
-    kernels_.subtract(width_, 2 * half_, over + v_at_, ld_, kept, xi, m, m, m, 0);
-    kernels_.substitute(width_, record(k) + w_at_, xi, m, m, 0);
-    std::copy_n(kept + part, part, kept);
-    std::copy_n(xi + static_cast<long>(offset()) * m, part, kept + part);
+    subtract_couplings(over + v_at_, by_columns, xi, m, by_columns + m * ld_);
+    kernels_.substitute(width_, over + w_at_, xi, m, m, 0);
+    const double* stays = xi + static_cast<long>(offset()) * m;
+    for (int j = 0; j < m; ++j) {
+      double* column = by_columns + j * ld_;
+      std::copy_n(column + half_, half_, column);
+      for (int r = 0; r < half_; ++r) column[half_ + r] = stays[static_cast<long>(r) * m + j];
+    }
+  }
+}
+
+// xi -= V times the columns of the nodes that stay; scratch: width.
+void FrontSweep::subtract_couplings(const double* v, const double* columns, double* xi, int m,
+                                    double* scratch) const {
+  if (m <= RowProductKernels::kMost) {
+    products_.subtract_rows(width_, 2 * half_, v, ld_, columns, ld_, xi, m);
+    return;
+  }
+  for (int j = 0; j < m; ++j) {
+    for (int r = 0; r < width_; ++r) scratch[r] = xi[static_cast<long>(r) * m + j];
+    products_.subtract_rows(width_, 2 * half_, v, ld_, columns + j * ld_, ld_, scratch, 1);
+    for (int r = 0; r < width_; ++r) xi[static_cast<long>(r) * m + j] = scratch[r];
   }
 }
 

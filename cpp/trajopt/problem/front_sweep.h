@@ -10,6 +10,7 @@
 #include "trajopt/linalg/block_kernels.h"
 #include "trajopt/linalg/factors.h"
 #include "trajopt/problem/node_rows.h"
+#include "trajopt/problem/row_products.h"
 
 namespace trajopt {
 
@@ -21,8 +22,10 @@ class FrontSweep {
   FrontSweep(int nodes, int count, int primal, int dual, Direction direction, Isa isa,
              linalg::Storage storage);
 
-  // Eliminates all fronts; the first pivot that is bad ends it. signs: of a node.
-  void factor(const NodeRows& rows, const signed char* signs, double epsilon);
+  // Eliminates all fronts; the first pivot that is bad ends it. signs: of a node. With m > 0, what
+  // forward(x, m, kept) does is done to each front while its record is in cache.
+  void factor(const NodeRows& rows, const signed char* signs, double epsilon, double* x, int m,
+              double* kept);
   int failed_node() const { return failed_; }  // -1: none
   const linalg::Pivot& pivot() const { return pivot_; }
 
@@ -32,9 +35,12 @@ class FrontSweep {
   long schur_ld() const { return schur_ld_; }
 
   // The two halves of a solution for m columns x of all nodes. `kept` (2 half, m), far node first:
-  // out, what the far and near nodes' right-hand sides change by; in, their solution, overwritten.
+  // out, what the far and near nodes' right-hand sides change by; in, their solution, overwritten
+  // like what is behind it up to kept_size(m).
   void forward(double* x, int m, double* kept) const;
   void backward(double* x, int m, double* kept) const;
+
+  long kept_size(int m) const { return (2L * half_ + ld_) * m + width_; }
 
   int count() const { return count_; }
   int half() const { return half_; }             // rows of a node that stays
@@ -44,6 +50,9 @@ class FrontSweep {
   int node(int front) const { return down_ ? nodes_ - 1 - front : front; }
   double* record(int front) const { return records_.data() + (count_ - 1 - front) * record_; }
   void write_front(const NodeRows& rows, double epsilon, int front, double* v);
+  void forward_front(int front, const double* record, double* x, int m, double* kept) const;
+  void subtract_couplings(const double* v, const double* columns, double* xi, int m,
+                          double* scratch) const;
 
   int nodes_, count_, dual_, width_, half_;
   bool down_;
@@ -52,6 +61,7 @@ class FrontSweep {
   bool streamed_;              // records are written around the caches
   const linalg::BlockKernels& kernels_;
   const NodeRowKernels& row_kernels_;
+  const RowProductKernels& products_;
   linalg::BlockBuffer records_, finished_, w_, u_, coupling_u_, before_;
   linalg::BlockBuffer schur_[2];
   int last_ = 0, failed_ = -1;

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "trajopt/base/error.h"
-#include "trajopt/base/fetch.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/linalg/pivot_error.h"
 
@@ -40,15 +39,25 @@ FrontalKkt::FrontalKkt(int nodes, int primal, int dual, Isa isa, linalg::Storage
       root_coupling_(2 * primal_ * width_),
       chunk_max_((nodes + kChunk - 1) / kChunk),
       kernels_(linalg::block_kernels(isa)),
-      row_kernels_(node_row_kernels(isa)) {
+      row_kernels_(node_row_kernels(isa)),
+      products_(row_product_kernels(isa)) {
   for (int node = 0; node < 2; ++node)
     std::fill_n(signs_.begin() + node * width_, dual_, static_cast<signed char>(-1));
 }
 
 void FrontalKkt::factor(const NodeRows& rows, double epsilon, int threads) {
+  factor_and_begin(rows, epsilon, nullptr, 0, threads);
+}
+
+void FrontalKkt::factor_and_begin(const NodeRows& rows, double epsilon, double* x, int m,
+                                  int threads) {
   factored_ = false;
+  grow_kept(m);
   FrontSweep* sweeps[] = {&up_, &down_};
-  parallel_for(2, threads, [&](long k, int) { sweeps[k]->factor(rows, signs_.data(), epsilon); });
+  double* kept[] = {kept_up_.data(), kept_down_.data()};
+  parallel_for(2, threads, [&](long k, int) {
+    sweeps[k]->factor(rows, signs_.data(), epsilon, x, m, kept[k]);
+  });
   for (const FrontSweep* sweep : sweeps)  // the upward one has the lower nodes
     if (sweep->failed_node() >= 0) fail(sweep->failed_node(), sweep->pivot());
   factor_root(rows, epsilon);
@@ -115,14 +124,24 @@ void FrontalKkt::add_schur_to_root() {
   }
 }
 
+void FrontalKkt::grow_kept(int m) {
+  grow(kept_down_, down_.kept_size(m));
+  grow(kept_up_, up_.kept_size(m));
+}
+
 void FrontalKkt::solve(double* x, int m, int threads) {
   if (!factored_) throw ArgumentError("solve: there is no factorization, factor() has to succeed");
-  grow(kept_down_, 2L * width_ * m);
-  grow(kept_up_, 2L * width_ * m);
+  grow_kept(m);
   const FrontSweep* sweeps[] = {&up_, &down_};
   double* kept[] = {kept_up_.data(), kept_down_.data()};
   parallel_for(2, threads, [&](long k, int) { sweeps[k]->forward(x, m, kept[k]); });
+  finish(x, m, threads);
+}
+
+void FrontalKkt::finish(double* x, int m, int threads) {
   solve_root(x, m);
+  const FrontSweep* sweeps[] = {&up_, &down_};
+  double* kept[] = {kept_up_.data(), kept_down_.data()};
   parallel_for(2, threads, [&](long k, int) { sweeps[k]->backward(x, m, kept[k]); });
 }
 
@@ -150,55 +169,62 @@ void FrontalKkt::solve_root(double* x, int m) {
   each(up_, false, [&](const double& value, long j) { kept_up_.data()[j] = value; });
 }
 
-// A node's couplings serve its own rows and those of the two nodes before it. Upwards: memory that
-// is read the other way round, node by node, arrives at half the speed.
+// Of columns [first, first + count) of m, for nodes [begin, end). A node's rows serve itself and the
+// two nodes before it, so of the two nodes behind the end only what they have for others is used;
+// what the first two have for nodes before the chunk is not.
 void FrontalKkt::residual_of_chunk(const NodeRows& rows, const double* rhs, const double* x,
-                                   double* r, int m, long begin, long end, double* before) const {
-  const int ld = rows.columns(), kept = rows.kept();
-  const long part = static_cast<long>(primal_) * m, node = static_cast<long>(width_) * m;
-  const long tangent = static_cast<long>(dual_) * m;
-  for (long i = begin; i < std::min<long>(end + 2, nodes_); ++i) {
-    const double *xi = x + i * node, *couplings = rows.row(i, 0);
-    constexpr int kAhead = 3;
-    if (i + kAhead < nodes_) fetch(rows.row(i + kAhead, 0), rows.length());
-    if (i < end) {
-      double* ri = r + i * node;
-      if (rhs != nullptr) {
-        std::copy_n(rhs + i * node, node, ri);
-      } else {
-        std::fill_n(ri, node, 0.0);
+                                   double* r, int m, int first, int count, long begin, long end,
+                                   double* scratch) const {
+  const int kept = rows.kept(), columns = rows.columns(), d = primal_;
+  const long node = static_cast<long>(width_) * m, ld = product_ld();
+  double *xs = scratch, *sums = xs + count * ld, *lanes = sums + count * ld;
+  std::fill_n(scratch, 2 * count * ld, 0.0);
+  const auto read = [&](const double* from, int n, double* to) {
+    for (int j = 0; j < count; ++j)
+      for (int k = 0; k < n; ++k) to[j * ld + k] = from[static_cast<long>(k) * m + first + j];
+  };
+  const auto write = [&](const double* from, int n, double* to) {
+    for (int j = 0; j < count; ++j)
+      for (int k = 0; k < n; ++k) to[static_cast<long>(k) * m + first + j] = from[j * ld + k];
+  };
+  for (long back = std::min(begin, 2L); back > 0; --back)
+    read(x + (begin - back) * node + static_cast<long>(dual_) * m, d, xs + (2 - back) * d);
+  for (long i = begin; i < end + 2; ++i) {
+    if (i < nodes_) {
+      read(x + i * node, width_, xs + kept);
+      if (i < end) {
+        read(rhs != nullptr ? rhs + i * node : x, width_, sums + kept);
+        if (rhs == nullptr)
+          for (int j = 0; j < count; ++j) std::fill_n(sums + j * ld + kept, width_, 0.0);
       }
-      for (int back = 2; back > 0; --back) {
-        double* to = before + (2 - back) * part;
-        if (i >= back) {
-          std::copy_n(xi - back * node + tangent, part, to);
-        } else {
-          std::fill_n(to, part, 0.0);
-        }
-      }
-      kernels_.subtract(width_, kept, couplings, ld, before, ri, m, m, m, 0);
-      kernels_.subtract_symmetric(width_, couplings + kept, ld, xi, ri, m, m, m, 0);
-      row_kernels_.subtract_damping(rows, i, x, r, m);
+      products_.subtract_lower(kept, width_, rows.row(i, 0), columns, xs, ld, sums, ld, lanes,
+                               count);
+      if (i < end) write(sums + kept, dual_, r + i * node);
     }
-    for (int back = 1; back < 3; ++back) {
-      const long j = i - back;
-      if (j < begin || j >= end) continue;
-      kernels_.subtract_transposed(width_, primal_, couplings + (2 - back) * primal_, ld, xi,
-                                   r + j * node + tangent, m, m, m, 0);
+    if (i >= begin + 2) write(sums, d, r + (i - 2) * node + static_cast<long>(dual_) * m);
+    for (int j = 0; j < count; ++j) {
+      for (double* column : {xs + j * ld, sums + j * ld}) {
+        std::copy_n(column + d, d, column);
+        std::copy_n(column + kept + dual_, d, column + d);
+      }
     }
   }
 }
 
 double FrontalKkt::residual(const NodeRows& rows, const double* rhs, const double* x, double* r,
                             int m, int threads) {
-  const long each = 2L * primal_ * m + 64;
+  constexpr int kMost = RowProductKernels::kMost;
+  const long each = kMost * (2 * product_ld() + RowProductKernels::kLanes * width_);
   grow(scratch_, each * std::max(threads, 1));
-  const long chunks = static_cast<long>(chunk_max_.size());
+  const long chunks = static_cast<long>(chunk_max_.size()), node = static_cast<long>(width_) * m;
   parallel_for(chunks, threads, [&](long chunk, int worker) {
     const long begin = chunk * kChunk, end = std::min<long>(begin + kChunk, nodes_);
-    residual_of_chunk(rows, rhs, x, r, m, begin, end, scratch_.data() + worker * each);
+    for (int first = 0; first < m; first += kMost)
+      residual_of_chunk(rows, rhs, x, r, m, first, std::min(m - first, kMost), begin, end,
+                        scratch_.data() + worker * each);
+    for (long i = begin; i < end; ++i) row_kernels_.subtract_damping(rows, i, x, r, m);
     chunk_max_.data()[chunk] =
-        linalg::largest_magnitude(r + begin * width_ * m, (end - begin) * width_, m, m);
+        linalg::largest_magnitude(r + begin * node, (end - begin) * width_, m, m);
   });
   return linalg::largest_magnitude(chunk_max_.data(), chunks, 1, 1);
 }

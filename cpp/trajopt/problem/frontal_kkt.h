@@ -32,6 +32,11 @@ class FrontalKkt {
   // accuracy or has the wrong sign. The arrays of `rows` are read again by refine() and residual().
   void factor(const NodeRows& rows, double epsilon, int threads);
 
+  // The same with the first half of solve(x, m), which then reads the factors while they are in
+  // cache; the second half. A factorization that fails leaves x undefined.
+  void factor_and_begin(const NodeRows& rows, double epsilon, double* x, int m, int threads);
+  void finish(double* x, int m, int threads);
+
   // Solves in place; x is (nodes * (dual + primal), m), row-major. Throws ArgumentError unless
   // factor() has succeeded.
   void solve(double* x, int m, int threads);
@@ -47,12 +52,15 @@ class FrontalKkt {
  private:
   static constexpr int kChunk = 64;  // nodes of a residual that one worker does at a time
 
+  // Of a node's rows' columns: whole cache lines.
+  long product_ld() const { return linalg::padded(2 * primal_ + width_ + 8); }
   long row_count() const { return static_cast<long>(nodes_) * width_; }
+  void grow_kept(int m);
   void factor_root(const NodeRows& rows, double epsilon);
   void add_schur_to_root();
   void solve_root(double* x, int m);
   void residual_of_chunk(const NodeRows& rows, const double* rhs, const double* x, double* r, int m,
-                         long begin, long end, double* before) const;
+                         int first, int count, long begin, long end, double* scratch) const;
   [[noreturn]] void fail(int node, const linalg::Pivot& pivot) const;
 
   int nodes_, primal_, dual_, width_;
@@ -66,6 +74,7 @@ class FrontalKkt {
   linalg::BlockBuffer residual_, saved_, chunk_max_, scratch_;  // of refine()
   const linalg::BlockKernels& kernels_;
   const NodeRowKernels& row_kernels_;
+  const RowProductKernels& products_;
 };
 
 }  // namespace trajopt

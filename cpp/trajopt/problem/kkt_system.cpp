@@ -134,29 +134,47 @@ void KktSystem::factor(double epsilon) {
 }
 
 void KktSystem::solve(std::vector<double>& rhs, int m, int refinements) {
-  if (refinements > 0) {
-    rhs_copy_.resize(rhs.size());
-    const long block = static_cast<long>(size_) * m;
-    parallel_for(blocks_, threads_, [&](long i, int) {
-      std::copy_n(rhs.data() + i * block, block, rhs_copy_.data() + i * block);
-    });
-  }
+  if (refinements > 0) keep(rhs, m);
   if (frontal_) {
     frontal_->solve(rhs.data(), m, threads_);
-    if (refinements > 0)
-      frontal_->refine(node_rows_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,
-                       threads_);
-    return;
-  }
-  if (ring_) {
+  } else if (ring_) {
     bordered_->solve(rhs.data(), rhs.data() + matrix_.rows() * m, m, threads_);
-    if (refinements > 0) refine_ring(rhs, m, refinements);
-    return;
+  } else {
+    factorization_->solve(rhs.data(), m, threads_);
   }
-  factorization_->solve(rhs.data(), m, threads_);
-  if (refinements == 0) return;
-  factorization_->refine(matrix_, rhs_copy_.data(), rhs.data(), m, refinements, kRefineTolerance,
-                         threads_);
+  if (refinements > 0) refine(rhs, m, refinements);
+}
+
+void KktSystem::factor_and_begin(double epsilon, std::vector<double>& rhs, int m) {
+  if (!frontal_) return factor(epsilon);
+  keep(rhs, m);
+  frontal_->factor_and_begin(node_rows_, epsilon, rhs.data(), m, threads_);
+}
+
+void KktSystem::finish(std::vector<double>& rhs, int m, int refinements) {
+  if (!frontal_) return solve(rhs, m, refinements);
+  frontal_->finish(rhs.data(), m, threads_);
+  if (refinements > 0) refine(rhs, m, refinements);
+}
+
+void KktSystem::keep(const std::vector<double>& rhs, int m) {
+  rhs_copy_.resize(rhs.size());
+  const long block = static_cast<long>(size_) * m;
+  parallel_for(blocks_, threads_, [&](long i, int) {
+    std::copy_n(rhs.data() + i * block, block, rhs_copy_.data() + i * block);
+  });
+}
+
+void KktSystem::refine(std::vector<double>& solution, int m, int refinements) {
+  if (frontal_) {
+    frontal_->refine(node_rows_, rhs_copy_.data(), solution.data(), m, refinements,
+                     kRefineTolerance, threads_);
+  } else if (ring_) {
+    refine_ring(solution, m, refinements);
+  } else {
+    factorization_->refine(matrix_, rhs_copy_.data(), solution.data(), m, refinements,
+                           kRefineTolerance, threads_);
+  }
 }
 
 // Column by column, each with decisions of its own.

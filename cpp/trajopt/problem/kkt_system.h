@@ -56,6 +56,11 @@ class KktSystem {
   // corrections against the matrix without epsilon. Allocates only when m grows.
   void solve(std::vector<double>& rhs, int m, int refinements = kRefinements);
 
+  // factor(epsilon) and solve(rhs, m, refinements) in two calls, of which the first does already
+  // what is cheaper while factors are in cache.
+  void factor_and_begin(double epsilon, std::vector<double>& rhs, int m);
+  void finish(std::vector<double>& rhs, int m, int refinements = kRefinements);
+
   // y = K x for the assembled matrix.
   void multiply(const std::vector<double>& x, std::vector<double>& y) const;
 
@@ -70,6 +75,8 @@ class KktSystem {
   void assemble_frames(const Linearization& lin, double damping, bool identity);
   void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
+  void keep(const std::vector<double>& rhs, int m);  // for refine()
+  void refine(std::vector<double>& solution, int m, int refinements);
   void refine_ring(std::vector<double>& solution, int m, int refinements);
 
   const TrajectoryProblem& problem_;

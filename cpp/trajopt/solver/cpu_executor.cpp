@@ -85,13 +85,17 @@ class CpuExecutor final : public SqpExecutor {
     return values(current_);
   }
 
+  // With the first half of the steps.
   bool factor(double damping) {
     watch_.lap();
     kkt_.assemble(lin_, damping);
     seconds_.assembly += watch_.lap();
+    const StepRows rows = step_rows();
+    for_nodes([&](long begin, long end) { kernels_.write_steps_rhs(rows, begin, end); });
+    std::fill(solution_.begin() + 2 * kkt_.offset(kkt_.nodes()), solution_.end(), 0.0);
     bool good = true;
     try {
-      kkt_.factor(options_.epsilon);
+      kkt_.factor_and_begin(options_.epsilon, solution_, 2);
     } catch (const FactorizationError& error) {
       error_ = error.what();
       good = false;
@@ -102,11 +106,9 @@ class CpuExecutor final : public SqpExecutor {
 
   StepValues solve_steps() {
     watch_.lap();
+    kkt_.finish(solution_, 2);
     const StepRows rows = step_rows();
     const long n = kkt_.nodes();
-    for_nodes([&](long begin, long end) { kernels_.write_steps_rhs(rows, begin, end); });
-    std::fill(solution_.begin() + 2 * kkt_.offset(kkt_.nodes()), solution_.end(), 0.0);
-    kkt_.solve(solution_, 2);
     for_nodes(
         [&](long begin, long end) { kernels_.measure_steps(rows, begin, end, items_.data(), n); });
     StepValues v;

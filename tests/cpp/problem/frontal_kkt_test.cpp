@@ -144,6 +144,44 @@ TEST_P(Frontal, SolvesTheDenseSystem) {
   }
 }
 
+TEST_P(Frontal, BeginsASolutionWhileItFactors) {
+  for (int m : {1, 2, 3}) {
+    FrontalKkt kkt = make(), together = make();
+    const std::vector<double> b = test::Random(5).vector(matrix_.size() * m);
+    std::vector<double> expected = b, x = b;
+    kkt.factor(matrix_.rows, kEpsilon, 1);
+    kkt.solve(expected.data(), m, 1);
+    for (int threads : {1, 2}) {
+      x = b;
+      together.factor_and_begin(matrix_.rows, kEpsilon, x.data(), m, threads);
+      together.finish(x.data(), m, threads);
+      EXPECT_EQ(x, expected) << m;
+    }
+  }
+}
+
+// A right-hand side's solution and residual do not depend on those beside it.
+TEST_P(Frontal, ColumnsAreIndependent) {
+  constexpr int m = 3;
+  FrontalKkt kkt = make();
+  kkt.factor(matrix_.rows, kEpsilon, 1);
+  const long rows = matrix_.size();
+  const std::vector<double> b = test::Random(6).vector(rows * m);
+  std::vector<double> x = b, r(b.size());
+  kkt.solve(x.data(), m, 1);
+  kkt.residual(matrix_.rows, b.data(), x.data(), r.data(), m, 1);
+  for (int j = 0; j < m; ++j) {
+    std::vector<double> bj(rows), xj(rows), rj(rows);
+    for (long i = 0; i < rows; ++i) bj[i] = xj[i] = b[i * m + j];
+    kkt.solve(xj.data(), 1, 1);
+    kkt.residual(matrix_.rows, bj.data(), xj.data(), rj.data(), 1, 1);
+    for (long i = 0; i < rows; ++i) {
+      ASSERT_EQ(xj[i], x[i * m + j]) << i << ' ' << j;
+      ASSERT_EQ(rj[i], r[i * m + j]) << i << ' ' << j;
+    }
+  }
+}
+
 // However it is computed: threads, instruction sets, and where records are written.
 TEST_P(Frontal, SameBits) {
   const auto solve = [&](FrontalKkt kkt, int threads) {
