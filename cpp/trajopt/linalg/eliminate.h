@@ -58,8 +58,11 @@ inline void factor_corner(const BasicElimination<T>& e, int k0, Corner<T>& corne
   const int done = e.size - k0 - MR;
   const long last = (e.size - 1) * e.ld + k0;
   Tile<T, MR, vectors<T>(MR)> tile;
-  read_block(e, k0, k0, tile);
-  tile.template subtract<false>(done, {e.w + last, -e.ld, 1}, e.u + last, -e.ld, 0);
+  tile.template read<false>(e.diagonal + k0 * (e.diagonal_ld + 1L), e.diagonal_ld, 0);
+  if (e.pending_v) {
+    subtract_square<T, MR>(e.size, {e.pending_v + last, -e.ld, 1}, e.pending_u + last, -e.ld, tile);
+  }
+  subtract_square<T, MR>(done, {e.w + last, -e.ld, 1}, e.u + last, -e.ld, tile);
   corner.template prepare<MR>(e, k0);
   if (e.regularization != 0.0) {
     corner.template factor<MR, true>(tile);
