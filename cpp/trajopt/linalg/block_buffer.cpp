@@ -1,5 +1,6 @@
 #include "trajopt/linalg/block_buffer.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <limits>
@@ -61,9 +62,11 @@ std::size_t size_product(std::initializer_list<long> factors) {
 
 void* allocate_zeroed(std::size_t count, std::size_t element, std::size_t& alignment) {
   if (count > (kMost / 2 - kSpare) / element) fail(count, element);
-  const std::size_t bytes = count * element + kSpare;
+  std::size_t bytes = count * element + kSpare;
   constexpr std::size_t kLarge = std::size_t{1} << 26;
   if (bytes > kLarge && bytes > available_memory()) fail(count, element);
+  // Half a huge page and more becomes a whole one.
+  bytes = std::max(bytes, (bytes + kHugePage / 2) / kHugePage * kHugePage);
   alignment = bytes >= kHugePage ? kHugePage : kCacheLine;
   void* data = ::operator new[](bytes, std::align_val_t{alignment}, std::nothrow);
   if (!data) fail(count, element);

@@ -62,7 +62,7 @@ TRAJOPT_ALWAYS_INLINE void load_square(const T* square, long ld, int rows, long 
   if (rows == W) {
 #pragma GCC unroll 16
     for (int r = 0; r < W; ++r) {
-      prefetch_far(square + r * ld + ahead);
+      prefetch_second(square + r * ld + ahead);
       t[r] = load(square + r * ld);
     }
   } else {
@@ -70,7 +70,7 @@ TRAJOPT_ALWAYS_INLINE void load_square(const T* square, long ld, int rows, long 
     for (int r = 0; r < W; ++r) {
       t[r] = broadcast(T(0));
       if (r >= rows) continue;
-      prefetch_far(square + r * ld + ahead);
+      prefetch_second(square + r * ld + ahead);
       t[r] = load(square + r * ld);
     }
   }
@@ -92,7 +92,7 @@ inline void subtract_transposed_few(int rows, int columns, const T* v, long ld, 
         const T* row = v + k * ld + c;
 #pragma GCC unroll 8
         for (int i = 0; i < NV; ++i) {
-          if (i * W % kLine<T> == 0) prefetch_far(row + i * W + ahead);
+          if (i * W % kLine<T> == 0) prefetch_second(row + i * W + ahead);
           sum[i].subtract(x + k * M, load(row + i * W));
         }
       }
@@ -161,12 +161,12 @@ inline void substitute_transposed_few(int size, const T* packed, T* x, long ahea
     sum.read(x + c * M, height);
     for (int k = size - 1; k >= c + W; --k) {
       const T* row = corner + (k - c) * static_cast<long>(L);
-      prefetch_far(row + ahead);
+      prefetch_second(row + ahead);
       sum.subtract(x + k * M, load(row));
     }
 #pragma GCC unroll 16
     for (int r = W - 1; r > 0; --r) {
-      prefetch_far(corner + r * L + ahead);
+      prefetch_second(corner + r * L + ahead);
       if (r >= height) continue;
       const Vec<T> row = load(corner + r * L);
 #pragma GCC unroll 2
@@ -174,7 +174,7 @@ inline void substitute_transposed_few(int size, const T* packed, T* x, long ahea
         sum.a[j] = fnma_first(r, broadcast_lane(sum.a[j], r), row, sum.a[j]);
       }
     }
-    prefetch_far(corner + ahead);
+    prefetch_second(corner + ahead);
     sum.write(x + c * M, height);
   }
 }

@@ -18,6 +18,35 @@ TRAJOPT_ALWAYS_INLINE bool good_pivot(T d, T inverse, T sign, T before) {
                            (d * sign > 0) & (magnitude(d) > kPivotZero<T> * magnitude(before)));
 }
 
+// tile.subtract for a square of which only the lower triangle counts: the first rows are half a
+// vector, where there is such a thing.
+template <class T, int MR>
+TRAJOPT_ALWAYS_INLINE void subtract_square(int count, Scalars<T> s, const T* b, long ldb,
+                                           Tile<T, MR, vectors<T>(MR)>& tile) {
+  if constexpr (kHalfWidth<T> == 0 || vectors<T>(MR) > 1) {
+    tile.template subtract<false>(count, s, b, ldb, 0);
+  } else {
+    constexpr int H = MR < kHalfWidth<T> ? MR : kHalfWidth<T>;
+    decltype(first_half(tile.a[0][0])) half[H];
+#pragma GCC unroll 8
+    for (int r = 0; r < H; ++r) half[r] = first_half(tile.a[r][0]);
+    const T* p = s.data;
+    for (int k = 0; k < count; ++k) {
+      const Vec<T> row = load(b);
+#pragma GCC unroll 8
+      for (int r = 0; r < H; ++r) half[r] = fnma(p[r * s.row], first_half(row), half[r]);
+#pragma GCC unroll 8
+      for (int r = H; r < MR; ++r) {
+        tile.a[r][0] = fnma(broadcast(p[r * s.row]), row, tile.a[r][0]);
+      }
+      p += s.step;
+      b += ldb;
+    }
+#pragma GCC unroll 8
+    for (int r = 0; r < H; ++r) tile.a[r][0] = widen(half[r]);
+  }
+}
+
 template <class T>
 struct Corner {
   static constexpr int kVectors = vectors<T>(kTileRows);

@@ -33,15 +33,18 @@ inline void eliminate_columns(const BasicElimination<T>& e, int k0, const Corner
       Tile<T, MR, NV> tile;
       read(c, tile);
       tile.template subtract<false>(done, scalars, u + last + c, -e.ld, 0);
-      tile.substitute_transposed(corner.w, Corner<T>::kStride);
-      tile.template write<false>(u + k0 * e.ld + c, e.ld, 0);
+      // Each row is written as soon as it is final: together at the end, they would fill the store
+      // queue and keep the next tile waiting.
 #pragma GCC unroll 8
-      for (int r = 0; r < MR; ++r) {
+      for (int r = MR - 1; r >= 0; --r) {
         const Vec<T> inverse = broadcast(corner.inverse[r]);
 #pragma GCC unroll 3
-        for (int i = 0; i < NV; ++i) tile.a[r][i] = mul(tile.a[r][i], inverse);
+        for (int i = 0; i < NV; ++i) {
+          store(u + (k0 + r) * e.ld + c + i * kWidth<T>, tile.a[r][i]);
+          store(v + (k0 + r) * e.ld + c + i * kWidth<T>, mul(tile.a[r][i], inverse));
+        }
+        tile.substitute_row(r, corner.w + r * Corner<T>::kStride);
       }
-      tile.template write<false>(v + k0 * e.ld + c, e.ld, 0);
     });
     if (rows_to_move > 0) move(*e.traffic, rows_to_move);
     c += nv * kWidth<T>;
@@ -55,8 +58,11 @@ inline void factor_corner(const BasicElimination<T>& e, int k0, Corner<T>& corne
   const int done = e.size - k0 - MR;
   const long last = (e.size - 1) * e.ld + k0;
   Tile<T, MR, vectors<T>(MR)> tile;
-  read_block(e, k0, k0, tile);
-  tile.template subtract<false>(done, {e.w + last, -e.ld, 1}, e.u + last, -e.ld, 0);
+  tile.template read<false>(e.diagonal + k0 * (e.diagonal_ld + 1L), e.diagonal_ld, 0);
+  if (e.pending_v) {
+    subtract_square<T, MR>(e.size, {e.pending_v + last, -e.ld, 1}, e.pending_u + last, -e.ld, tile);
+  }
+  subtract_square<T, MR>(done, {e.w + last, -e.ld, 1}, e.u + last, -e.ld, tile);
   corner.template prepare<MR>(e, k0);
   if (e.regularization != 0.0) {
     corner.template factor<MR, true>(tile);

@@ -213,9 +213,7 @@ template <class T>
 void Factors<T>::fetch(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                        BasicTraffic<T>& traffic) const {
   traffic.fetch_rows = size_;
-  // Of larger blocks, what is being worked on and what comes next fill the second level cache.
-  constexpr int kMostClaimed = 128;
-  if (!large_ && size_ <= kMostClaimed) {
+  if (!large_) {
     traffic.claim = inverse(item, step.block);
     traffic.claim_length = w(item, step.block) + PackedTriangle<T>::length(size_) - traffic.claim;
   }

@@ -23,9 +23,8 @@ inline constexpr int kLine = 64 / static_cast<int>(sizeof(T));
 TRAJOPT_ALWAYS_INLINE double fnma(double a, double b, double c) { return __builtin_fma(-a, b, c); }
 TRAJOPT_ALWAYS_INLINE float fnma(float a, float b, float c) { return __builtin_fmaf(-a, b, c); }
 
-// Asks for the line of p; any address is allowed.
+// Asks for the line of p, into the first or into the second level cache; any address is allowed.
 TRAJOPT_ALWAYS_INLINE void prefetch(const void* p) { __builtin_prefetch(p, 0, 3); }
-// The same into the second level, for what is read once: the first is too small to wait in.
-TRAJOPT_ALWAYS_INLINE void prefetch_far(const void* p) { __builtin_prefetch(p, 0, 2); }
+TRAJOPT_ALWAYS_INLINE void prefetch_second(const void* p) { __builtin_prefetch(p, 0, 2); }
 
 }  // namespace trajopt::linalg::inline TRAJOPT_ISA

@@ -23,6 +23,8 @@ template <class T>
 using Vec = typename VectorOf<T>::Type;
 template <class T>
 inline constexpr int kWidth = 32 / static_cast<int>(sizeof(T));
+template <class T>
+inline constexpr int kHalfWidth = 0;  // half a vector takes as long as a whole one
 
 TRAJOPT_ALWAYS_INLINE __m256i first_of_4(int count) {
   return _mm256_cmpgt_epi64(_mm256_set1_epi64x(count), _mm256_setr_epi64x(0, 1, 2, 3));

@@ -47,6 +47,16 @@ TRAJOPT_ALWAYS_INLINE __m512d add(__m512d a, __m512d b) { return _mm512_add_pd(a
 TRAJOPT_ALWAYS_INLINE __m512d fnma(__m512d a, __m512d b, __m512d c) {
   return _mm512_fnmadd_pd(a, b, c);
 }
+// The first half of a vector of doubles: on some processors an operation takes half the time.
+template <class T>
+inline constexpr int kHalfWidth = 0;  // there are none of this scalar
+template <>
+inline constexpr int kHalfWidth<double> = 4;
+TRAJOPT_ALWAYS_INLINE __m256d first_half(__m512d v) { return _mm512_castpd512_pd256(v); }
+TRAJOPT_ALWAYS_INLINE __m512d widen(__m256d half) { return _mm512_zextpd256_pd512(half); }
+TRAJOPT_ALWAYS_INLINE __m256d fnma(double a, __m256d b, __m256d c) {
+  return _mm256_fnmadd_pd(_mm256_set1_pd(a), b, c);
+}
 // The same in the first `count` lanes, c in the others; and the other way round.
 TRAJOPT_ALWAYS_INLINE __m512d fnma_first(int count, __m512d a, __m512d b, __m512d c) {
   return _mm512_mask3_fnmadd_pd(a, b, c, first_of_8(count));

@@ -14,6 +14,8 @@ struct Vec {
 };
 template <class T>
 inline constexpr int kWidth = 2;
+template <class T>
+inline constexpr int kHalfWidth = 0;  // half a vector takes as long as a whole one
 
 TRAJOPT_ALWAYS_INLINE double portable_fnma(double a, double b, double c) {
   return __builtin_fma(-a, b, c);

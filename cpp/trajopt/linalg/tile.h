@@ -90,18 +90,21 @@ struct Tile {
     }
   }
 
-  // Substitution within the tile's own rows, the last row first: the unit lower triangular w is
-  // applied as a[s] -= w[r][s] * a[r] for s < r.
+  // Substitution within the tile's own rows: row r of the unit lower triangular w is applied to the
+  // rows before it, a[s] -= w[s] * a[r] for s < r.
+  TRAJOPT_ALWAYS_INLINE void substitute_row(int r, const T* w) {
+#pragma GCC unroll 8
+    for (int s = 0; s < r; ++s) {
+      const Vec<T> x = broadcast(w[s]);
+#pragma GCC unroll 3
+      for (int v = 0; v < NV; ++v) a[s][v] = fnma(x, a[r][v], a[s][v]);
+    }
+  }
+
+  // The last row first.
   TRAJOPT_ALWAYS_INLINE void substitute_transposed(const T* w, long ldw) {
 #pragma GCC unroll 8
-    for (int r = MR - 1; r > 0; --r) {
-#pragma GCC unroll 8
-      for (int s = 0; s < r; ++s) {
-        const Vec<T> x = broadcast(w[r * ldw + s]);
-#pragma GCC unroll 3
-        for (int v = 0; v < NV; ++v) a[s][v] = fnma(x, a[r][v], a[s][v]);
-      }
-    }
+    for (int r = MR - 1; r > 0; --r) substitute_row(r, w + r * ldw);
   }
 
   // The first row first: a[r] -= w[r][s] * a[s] for s < r.

@@ -17,19 +17,32 @@ inline void stream_lines(const T* source, T* target, long count) {
   for (long k = 0; k < count; k += kLine<T>) stream_line(source + k, target + k);
 }
 
-// Always inlined: a function that only prefetches has no effect in the eyes of GCC, which drops it.
+// Functions that only prefetch are always inlined: they have no effect in the eyes of GCC, which
+// drops them.
+
+// Of a block up to this size the first level cache has room beside what is being worked on. Of a
+// larger one it would not keep the lines until they are used, and processors have few misses of
+// that cache under way at once: the tiles would wait behind lines they do not need.
+inline constexpr int kNearRows = 16;
+
+TRAJOPT_ALWAYS_INLINE void fetch_lines(const double* p, int count, bool near) {
+  if (near) {
+    for (int c = 0; c < count; c += kLine<double>) prefetch(p + c);
+  } else {
+    for (int c = 0; c < count; c += kLine<double>) prefetch_second(p + c);
+  }
+}
+
 template <class T>
 TRAJOPT_ALWAYS_INLINE void fetch_row(const BasicTraffic<T>& t, int r) {
-  const double* lower = t.fetch_lower + static_cast<long>(r) * t.size;
-  for (int c = 0; c <= r; c += kLine<double>) prefetch(lower + c);
-  if (t.fetch_whole) {
-    const double* whole = t.fetch_whole + static_cast<long>(r) * t.size;
-    for (int c = 0; c < t.size; c += kLine<double>) prefetch(whole + c);
-  }
+  const bool near = t.size <= kNearRows;
+  const long at = static_cast<long>(r) * t.size;
+  fetch_lines(t.fetch_lower + at, r + 1, near);
+  if (t.fetch_whole) fetch_lines(t.fetch_whole + at, t.size, near);
+  // Reading claims as well as a prefetch for writing where no other core has the line, and waits
+  // for less.
   const long end = t.claim_length * (r + 1L) / t.size;
-  for (long i = t.claim_length * r / t.size; i < end; i += kLine<T>) {
-    __builtin_prefetch(t.claim + i, 1, 3);
-  }
+  for (long i = t.claim_length * r / t.size; i < end; i += kLine<T>) prefetch_second(t.claim + i);
 }
 
 template <class T>
