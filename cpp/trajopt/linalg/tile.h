@@ -130,8 +130,8 @@ TRAJOPT_ALWAYS_INLINE void with_constant(int n, const Body& body) {
   body.template operator()<Max>();
 }
 
-// Height of the next panel when `rows` are left: what full tiles leave over comes first, so that all
-// others begin at whole vectors.
+// Height of the next panel when `rows` are left: what full tiles leave over comes first, so that
+// all others begin at whole vectors.
 constexpr int next_panel(int rows) {
   const int over = rows % kTileRows;
   return over > 0 ? over : kTileRows;
