@@ -130,12 +130,11 @@ TRAJOPT_ALWAYS_INLINE void with_constant(int n, const Body& body) {
   body.template operator()<Max>();
 }
 
-// Height of the next panel when `rows` are left: full tiles, the last two levelled out, because a
-// tile of one or two rows has too few independent chains to fill the pipeline.
+// Height of the next panel when `rows` are left: what full tiles leave over comes first, so that
+// all others begin at whole vectors.
 constexpr int next_panel(int rows) {
-  if (rows <= kTileRows) return rows;
-  if (rows < kTileRows + kTileRows / 2) return (rows + 1) / 2;
-  return kTileRows;
+  const int over = rows % kTileRows;
+  return over > 0 ? over : kTileRows;
 }
 
 // Width in vectors of the next column tile when `left` vectors are left.
