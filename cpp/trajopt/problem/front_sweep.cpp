@@ -18,8 +18,8 @@ constexpr std::size_t kStreamedBytes = std::size_t{16} << 20;
 constexpr int kAhead = 3;
 
 // Doubles between what the first half of a solution reads and what it asks for. It needs little of
-// that and the second half nothing: records are read line by line, downwards and then upwards, and a
-// processor's own prefetcher follows. What jumps to and fro in a record gets half the rate.
+// that and the second half nothing: records are read line by line, downwards and then upwards, and
+// a processor's own prefetcher follows. What jumps to and fro in a record gets half the rate.
 constexpr long kForwardAhead = 344;
 
 long lines(long count) { return (count + kLine - 1) / kLine * kLine; }

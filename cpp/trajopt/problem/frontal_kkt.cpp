@@ -169,9 +169,9 @@ void FrontalKkt::solve_root(double* x, int m) {
   each(up_, false, [&](const double& value, long j) { kept_up_.data()[j] = value; });
 }
 
-// Of columns [first, first + count) of m, for nodes [begin, end). A node's rows serve itself and the
-// two nodes before it, so of the two nodes behind the end only what they have for others is used;
-// what the first two have for nodes before the chunk is not.
+// Of columns [first, first + count) of m, for nodes [begin, end). A node's rows serve itself and
+// the two nodes before it, so of the two nodes behind the end only what they have for others is
+// used; what the first two have for nodes before the chunk is not.
 void FrontalKkt::residual_of_chunk(const NodeRows& rows, const double* rhs, const double* x,
                                    double* r, int m, int first, int count, long begin, long end,
                                    double* scratch) const {

@@ -111,9 +111,8 @@ void subtract_rows(int rows, int columns, const double* v, long ld, const double
                    double* y) {
   const int groups = (columns + kLanes - 1) / kLanes;
   if (groups > 8) return subtract_rows<M, 0>(rows, columns, v, ld, x, ld_x, y);
-  with_constant<8>(groups, [&]<int Groups>() {
-    subtract_rows<M, Groups>(rows, columns, v, ld, x, ld_x, y);
-  });
+  with_constant<8>(
+      groups, [&]<int Groups>() { subtract_rows<M, Groups>(rows, columns, v, ld, x, ld_x, y); });
 }
 
 void subtract_rows_any(int rows, int columns, const double* v, long ld, const double* x, long ld_x,
@@ -163,8 +162,8 @@ TRAJOPT_ALWAYS_INLINE void subtract_block(const Lower& s, int begin, int end, in
       for (int j = 0; j < M; ++j) {
         Vec<double>& part = lanes[j].part[v % kParts];
         part = fnma(load(s.x + j * s.ld_x + c0 + v * W), a, part);
-        sum[j][v] = last ? fnma_first(count - 1, factor[j], a, sum[j][v])
-                         : fnma(factor[j], a, sum[j][v]);
+        sum[j][v] =
+            last ? fnma_first(count - 1, factor[j], a, sum[j][v]) : fnma(factor[j], a, sum[j][v]);
       }
     }
 #pragma GCC unroll 2
