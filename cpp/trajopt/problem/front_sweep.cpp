@@ -14,8 +14,9 @@ constexpr long kLine = linalg::PackedTriangle<double>::kColumns;
 // No cache keeps more than this from one sweep to the next.
 constexpr std::size_t kStreamedBytes = std::size_t{16} << 20;
 
-// Fronts whose memory is asked for ahead of the one that is worked on.
-constexpr int kAhead = 3;
+// How many fronts ahead memory is asked for, and in how many parts: all lines of a front at once
+// would stop the arithmetic until they are under way.
+constexpr int kAhead = 2, kParts = 6;
 
 // Doubles between what the first half of a solution reads and what it asks for. It needs little of
 // that and the second half nothing: records are read line by line, downwards and then upwards, and
@@ -73,9 +74,16 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
   for (int k = 0; k < count_; ++k) {
     double* finished = streamed_ ? finished_.data() : record(k);
     double* v = finished + v_at_;
-    if (k + kAhead < count_) fetch(rows.row(node(k + kAhead) + (down_ ? 0 : 2), 0), rows.length());
+    const double* wanted = rows.row(node(std::min(k + kAhead, count_ - 1)) + (down_ ? 0 : 2), 0);
+    const auto ask = [&](int part) __attribute__((always_inline)) {
+      const long length = lines(rows.length() / kParts);
+      fetch(wanted + part * length, length);
+    };
+    ask(0);
     write_front(rows, epsilon, k, v);
+    ask(1);
     row_kernels_.add_schur(schur(), schur_ld_, half_, offset(), w_.data(), v, ld_);
+    ask(2);
     e.inverse = finished;
     e.left.source = e.left.v = v;
     pivot_ = kernels_.eliminate(e);
@@ -83,12 +91,15 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
       failed_ = node(k);
       return;
     }
+    ask(3);
     kernels_.pack(width_, w_.data(), ld_, finished + w_at_);
+    ask(4);
     double* next = schur_[1 - last_].data();
     row_kernels_.start_schur(schur(), schur_ld_, half_, next);
     kernels_.update(2 * half_, 2 * half_, width_, next, schur_ld_, next, schur_ld_, v, ld_,
                     coupling_u_.data(), ld_, true);
     last_ = 1 - last_;
+    ask(5);
     if (m > 0) forward_front(k, finished, x, m, kept);
     if (streamed_) kernels_.stream(finished, record(k), record_);
   }
