@@ -20,6 +20,10 @@ constexpr int W = kWidth<double>;
 constexpr int kLanes = RowProductKernels::kLanes;
 constexpr int kParts = kLanes / W;  // vectors that hold a row's lanes
 
+// Doubles between what subtract_lower() reads and what it asks for: its triangles leave gaps at
+// which a processor's own prefetcher stops.
+constexpr long kAhead = 2048;
+
 // Vectors of columns whose sums stay in registers.
 constexpr int kBlock = W == 8 ? 8 : 4;
 
@@ -144,6 +148,8 @@ TRAJOPT_ALWAYS_INLINE void subtract_block(const Lower& s, int begin, int end, in
     for (int v = 0; v < NV; ++v) sum[j][v] = load(s.sum + j * s.ld_sum + c0 + v * W);
   for (int r = begin; r < end; ++r) {
     const double* row = s.a + r * s.ld + c0;
+    if (Diagonal)
+      for (long k = 0; k < s.ld; k += kLanes) linalg::prefetch_second(row - c0 + k + kAhead);
     const int count = s.kept + r + 1 - c0 - (NV - 1) * W;  // of the last vector
     Lanes lanes[M];
     Vec<double> factor[M];
