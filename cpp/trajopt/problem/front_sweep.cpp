@@ -41,7 +41,6 @@ FrontSweep::FrontSweep(int nodes, int count, int primal, int dual, Direction dir
       row_kernels_(node_row_kernels(isa)),
       records_(linalg::size_product({record_, count})),
       finished_(record_),
-      w_(width_ * ld_),
       u_(width_ * ld_),
       coupling_u_(width_ * ld_),
       before_(width_) {
@@ -56,10 +55,9 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
   e.size = width_;
   e.ld = e.diagonal_ld = e.left.source_ld = ld_;
   e.signs = signs;
-  e.diagonal = e.w = w_.data();
+  e.diagonal = e.u = u_.data();
   e.original = before_.data();
   e.original_step = 1;
-  e.u = u_.data();
   e.left.columns = 2 * half_;
   e.left.u = coupling_u_.data();
   for (int k = 0; k < count_; ++k) {
@@ -67,15 +65,15 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
     double* v = finished + v_at_;
     if (k + kAhead < count_) fetch(rows.row(node(k + kAhead) + (down_ ? 0 : 2), 0), rows.length());
     write_front(rows, epsilon, k, v);
-    row_kernels_.add_schur(schur(), schur_ld_, half_, offset(), w_.data(), v, ld_);
+    row_kernels_.add_schur(schur(), schur_ld_, half_, offset(), u_.data(), v, ld_);
     e.inverse = finished;
+    e.w = finished + w_at_;
     e.left.source = e.left.v = v;
     pivot_ = kernels_.eliminate(e);
     if (pivot_.row >= 0) {
       failed_ = node(k);
       return;
     }
-    kernels_.pack(width_, w_.data(), ld_, finished + w_at_);
     double* next = schur_[1 - last_].data();
     row_kernels_.start_schur(schur(), schur_ld_, half_, next);
     kernels_.update(2 * half_, 2 * half_, width_, next, schur_ld_, next, schur_ld_, v, ld_,
@@ -87,9 +85,9 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
   if (streamed_) std::atomic_thread_fence(std::memory_order_seq_cst);
 }
 
-// The matrix's own entries, in place of W and V.
+// The matrix's own entries, in place of U and V.
 void FrontSweep::write_front(const NodeRows& rows, double epsilon, int front, double* v) {
-  double* p = w_.data();
+  double* p = u_.data();
   row_kernels_.write_pivots(rows, node(front), p, ld_);
   for (int r = 0; r < dual_; ++r) p[r * (ld_ + 1)] = -epsilon;
   for (int r = 0; r < width_; ++r) before_.data()[r] = p[r * (ld_ + 1)];
