@@ -34,9 +34,9 @@ struct BasicTraffic {
   T* claim = nullptr;                   // where results will be written through the caches,
   long claim_length = 0;                // in one piece; 0: nothing
   int write_rows = 0;                   // still to be written
-  long ld = 0;                          // of w and v
-  const T* w = nullptr;                 // to be packed
-  T* packed = nullptr;
+  const T* w = nullptr;                 // packed
+  T* w_target = nullptr;
+  long ld = 0;         // of v
   const T* v[2] = {};  // of the couplings; nullptr: none
   T* target[2] = {};
   long target_ld = 0;
@@ -45,14 +45,14 @@ struct BasicTraffic {
 template <class T>
 struct BasicElimination {
   int size = 0;
-  long ld = 0;                  // of w, u and the couplings' u and v
-  const T* diagonal = nullptr;  // the block; only its lower triangle counts; may be w itself
+  long ld = 0;                  // of u and the couplings' u and v
+  const T* diagonal = nullptr;  // the block; only its lower triangle counts; may be u itself
   long diagonal_ld = 0;
   const double* original = nullptr;    // diagonal element k before any update is at
   long original_step = 0;              // original[k * original_step]
   const signed char* signs = nullptr;  // nullptr: all positive
   double regularization = 0.0;
-  T* w = nullptr;        // out: W, its strict lower triangle
+  T* w = nullptr;        // out: W, its strict lower triangle, packed (packed_triangle.h)
   T* u = nullptr;        // scratch: D W
   T* inverse = nullptr;  // out: the diagonal of D^-1
   BasicCoupling<T> left, right;
@@ -84,9 +84,6 @@ struct BasicBlockKernels {
 
   // target = source, for a matrix of doubles, rounded. Lower triangle only when `lower`.
   void (*convert)(int size, const double* source, T* target, long target_ld, bool lower);
-
-  // The strict lower triangle of w to its final place (packed_triangle.h).
-  void (*pack)(int size, const T* w, long ld, T* packed);
 
   // target = source around the caches: whole cache lines, both from the beginning of one on.
   void (*stream)(const T* source, T* target, long count);

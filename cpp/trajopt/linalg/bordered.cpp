@@ -93,14 +93,11 @@ Pivot BorderedFactorization::factor_border(const double* e, const double* f,
   s.original_step = border_ + 1L;
   s.signs = border_signs;
   s.regularization = regularization;
-  s.w = schur_.data();
+  s.w = packed_.data();
   s.u = unscaled_.data();
   s.inverse = inverse_.data();
   const Pivot pivot = kernels_->eliminate(s);
-  if (pivot.row < 0) {
-    kernels_->pack(border_, schur_.data(), ld_, packed_.data());
-    factored_ = true;
-  }
+  factored_ = pivot.row < 0;
   return pivot;
 }
 

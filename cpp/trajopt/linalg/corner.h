@@ -1,6 +1,7 @@
 // The square on the diagonal of a panel of MR rows: its rows of D W and of W.
 #pragma once
 
+#include <cstring>
 #include <limits>
 
 #include "trajopt/linalg/block_kernels.h"
@@ -122,15 +123,19 @@ struct Corner {
     return all ? -1 : r;
   }
 
+  // A packed row has room for the corner's columns and no more.
   template <int MR>
   TRAJOPT_ALWAYS_INLINE void write(const BasicElimination<T>& e, int k0) const {
     constexpr int W = kWidth<T>, NV = vectors<T>(MR);
-    const long at = k0 * e.ld + k0;
-#pragma GCC unroll 32
-    for (int i = 0; i < MR * NV; ++i) {
-      const int r = i / NV, v = i % NV;
-      store(e.u + at + r * e.ld + v * W, load(u + r * kStride + v * W));
-      store(e.w + at + r * e.ld + v * W, load(w + r * kStride + v * W));
+    constexpr int kColumns = NV * W < kTileRows ? NV * W : kTileRows;
+    T* packed = e.w + PackedTriangle<T>::at(e.size, k0, k0);
+#pragma GCC unroll 8
+    for (int r = 0; r < MR; ++r) {
+      std::memcpy(packed + r * kLine<T>, w + r * kStride, kColumns * sizeof(T));
+#pragma GCC unroll 4
+      for (int v = 0; v < NV; ++v) {
+        store(e.u + (k0 + r) * e.ld + k0 + v * W, load(u + r * kStride + v * W));
+      }
     }
   }
 };

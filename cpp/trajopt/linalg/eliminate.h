@@ -18,14 +18,23 @@ TRAJOPT_ALWAYS_INLINE void read_block(const BasicElimination<T>& e, int k0, int 
                                 -e.ld, 0);
 }
 
+// W from its last row up, in the columns of the panel of rows from k0 on. Such a panel begins at a
+// multiple of kTileRows, so that these columns are in one packed panel.
+template <class T>
+TRAJOPT_ALWAYS_INLINE Scalars<T> scalars_of_w(const BasicElimination<T>& e, int k0) {
+  return {e.w + PackedTriangle<T>::at(e.size, e.size - 1, k0), -kLine<T>, 1};
+}
+
 // The first `columns` columns of panel rows k0..k0+MR-1 of one of the trapezoid's parts. Whole
 // vectors are written, up to kWidth - 1 columns too many: a masked store costs more than the tile.
-template <int MR, class T, class Read>
+// Divided by the pivots, the rows of the vector of column c go to place(c), `step` elements apart.
+template <int MR, class T, class Read, class Place>
 inline void eliminate_columns(const BasicElimination<T>& e, int k0, const Corner<T>& corner,
-                              const Read& read, T* v, T* u, int columns, int rows_to_move) {
+                              const Read& read, const Place& place, long step, T* u, int columns,
+                              int rows_to_move) {
   const int done = e.size - k0 - MR;
   const long last = (e.size - 1) * e.ld;
-  const Scalars<T> scalars{e.w + last + k0, -e.ld, 1};
+  const Scalars<T> scalars = scalars_of_w(e, k0);
   int left = vectors<T>(columns);
   for (int c = 0; left > 0;) {
     const int nv = next_vectors(left);
@@ -33,15 +42,18 @@ inline void eliminate_columns(const BasicElimination<T>& e, int k0, const Corner
       Tile<T, MR, NV> tile;
       read(c, tile);
       tile.template subtract<false>(done, scalars, u + last + c, -e.ld, 0);
-      // Each row is written as soon as it is final: together at the end, they would fill the store
-      // queue and keep the next tile waiting.
+      T* to[NV];
+#pragma GCC unroll 3
+      for (int i = 0; i < NV; ++i) to[i] = place(c + i * kWidth<T>);
+        // Each row is written as soon as it is final: together at the end, they would fill the
+        // store queue and keep the next tile waiting.
 #pragma GCC unroll 8
       for (int r = MR - 1; r >= 0; --r) {
         const Vec<T> inverse = broadcast(corner.inverse[r]);
 #pragma GCC unroll 3
         for (int i = 0; i < NV; ++i) {
           store(u + (k0 + r) * e.ld + c + i * kWidth<T>, tile.a[r][i]);
-          store(v + (k0 + r) * e.ld + c + i * kWidth<T>, mul(tile.a[r][i], inverse));
+          store(to[i] + r * step, mul(tile.a[r][i], inverse));
         }
         tile.substitute_row(r, corner.w + r * Corner<T>::kStride);
       }
@@ -62,7 +74,7 @@ inline void factor_corner(const BasicElimination<T>& e, int k0, Corner<T>& corne
   if (e.pending_v) {
     subtract_square<T, MR>(e.size, {e.pending_v + last, -e.ld, 1}, e.pending_u + last, -e.ld, tile);
   }
-  subtract_square<T, MR>(done, {e.w + last, -e.ld, 1}, e.u + last, -e.ld, tile);
+  subtract_square<T, MR>(done, scalars_of_w(e, k0), e.u + last, -e.ld, tile);
   corner.template prepare<MR>(e, k0);
   if (e.regularization != 0.0) {
     corner.template factor<MR, true>(tile);
@@ -76,7 +88,8 @@ template <int MR, class T>
 inline void finish_rows(const BasicElimination<T>& e, int k0, const Corner<T>& corner,
                         int rows_to_move) {
   const auto read = [&](int c, auto& tile) { read_block(e, k0, c, tile); };
-  eliminate_columns<MR>(e, k0, corner, read, e.w, e.u, k0, rows_to_move);
+  const auto place = [&](int c) { return e.w + PackedTriangle<T>::at(e.size, k0, c); };
+  eliminate_columns<MR>(e, k0, corner, read, place, kLine<T>, e.u, k0, rows_to_move);
   corner.template write<MR>(e, k0);  // last: the columns before may have covered its first vector
 }
 
@@ -89,7 +102,8 @@ inline void eliminate_couplings(const BasicElimination<T>& e, int k0, const Corn
     const auto read = [&](int c, auto& tile) {
       tile.template read<false>(s->source + k0 * s->source_ld + c, s->source_ld, 0);
     };
-    eliminate_columns<MR>(e, k0, corner, read, s->v, s->u, s->columns, rows_to_move);
+    const auto place = [&](int c) { return s->v + k0 * e.ld + c; };
+    eliminate_columns<MR>(e, k0, corner, read, place, e.ld, s->u, s->columns, rows_to_move);
   }
 }
 

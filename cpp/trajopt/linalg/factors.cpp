@@ -140,7 +140,7 @@ PivotFailure Factors<T>::run(const SymmetricBlockTridiagonal& a, int item, const
     e.original_step = size_ + 1L;
     e.signs = signs ? signs + static_cast<long>(i) * size_ : nullptr;
     e.regularization = regularization;
-    e.w = scratch(worker, kW, set);
+    e.w = large_ ? scratch(worker, kW, set) : w(item, i);
     e.u = scratch(worker, kU);
     e.inverse = inverse(item, i);
     read_diagonal(a, item, step, worker, e);
@@ -191,13 +191,11 @@ PivotFailure Factors<T>::run(const SymmetricBlockTridiagonal& a, int item, const
       kernels_->move(traffic, size_);  // what may be left of the step before
       traffic.write_rows = size_;
       traffic.w = e.w;
-      traffic.packed = w(item, i);
+      traffic.w_target = w(item, i);
       traffic.v[0] = step.left >= 0 ? e.left.v : nullptr;
       traffic.target[0] = left_v(item, i);
       traffic.v[1] = step.right >= 0 ? e.right.v : nullptr;
       traffic.target[1] = right_v(item, i);
-    } else {
-      kernels_->pack(size_, e.w, ld_, w(item, i));
     }
   }
   if (large_) {
@@ -234,8 +232,8 @@ void Factors<T>::read_diagonal(const SymmetricBlockTridiagonal& a, int item, con
     e.diagonal = block;
     e.diagonal_ld = size_;
   } else {
-    kernels_->convert(size_, block, e.w, ld_, true);
-    e.diagonal = e.w;
+    kernels_->convert(size_, block, e.u, ld_, true);
+    e.diagonal = e.u;
     e.diagonal_ld = ld_;
   }
 }

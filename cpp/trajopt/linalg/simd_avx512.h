@@ -57,7 +57,7 @@ TRAJOPT_ALWAYS_INLINE __m256d first_half(__m512d v) {
   return __builtin_shufflevector(v, v, 0, 1, 2, 3);
 }
 TRAJOPT_ALWAYS_INLINE __m512d widen(__m256d half) {
-  return __builtin_shufflevector(half, _mm256_setzero_pd(), 0, 1, 2, 3, 4, 5, 6, 7);
+  return __builtin_shufflevector(half, __m256d{}, 0, 1, 2, 3, 4, 5, 6, 7);
 }
 TRAJOPT_ALWAYS_INLINE __m256d fnma(double a, __m256d b, __m256d c) {
   return _mm256_fnmadd_pd(_mm256_set1_pd(a), b, c);

@@ -47,12 +47,9 @@ TRAJOPT_ALWAYS_INLINE void fetch_row(const BasicTraffic<T>& t, int r) {
 
 template <class T>
 inline void write_row(const BasicTraffic<T>& t, int r) {
-  const T* w = t.w + r * t.ld;
-  T* packed = t.packed + r * static_cast<long>(kLine<T>);
-  for (int c = 0; c <= r; c += kLine<T>) {
-    stream_line(w + c, packed);
-    packed += kLine<T> * (t.size - c - static_cast<long>(kLine<T>));  // the next panel's row
-  }
+  const long lines = PackedTriangle<T>::length(t.size) / kLine<T>;
+  const long begin = lines * r / t.size * kLine<T>, end = lines * (r + 1L) / t.size * kLine<T>;
+  stream_lines(t.w + begin, t.w_target + begin, end - begin);
   for (int i = 0; i < 2; ++i) {
     if (!t.v[i]) continue;
     for (int c = 0; c < t.size; c += kLine<T>) {

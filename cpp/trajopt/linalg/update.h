@@ -75,14 +75,4 @@ inline void convert(int size, const double* source, T* target, long target_ld, b
   }
 }
 
-template <class T>
-inline void pack(int size, const T* w, long ld, T* packed) {
-  for (int c = 0; c < size; c += kLine<T>) {
-    for (int r = c; r < size; ++r, packed += kLine<T>) {
-#pragma GCC unroll 8
-      for (int i = 0; i < kLine<T>; i += kWidth<T>) store(packed + i, load(w + r * ld + c + i));
-    }
-  }
-}
-
 }  // namespace trajopt::linalg::inline TRAJOPT_ISA

@@ -16,7 +16,7 @@ constexpr std::size_t kStreamedBytes = std::size_t{16} << 20;
 
 // How many fronts ahead memory is asked for, and in how many parts: all lines of a front at once
 // would stop the arithmetic until they are under way.
-constexpr int kAhead = 2, kParts = 6;
+constexpr int kAhead = 2, kParts = 5;
 
 // Doubles between what the first half of a solution reads and what it asks for. It needs little of
 // that and the second half nothing: records are read line by line, downwards and then upwards, and
@@ -48,7 +48,6 @@ FrontSweep::FrontSweep(int nodes, int count, int primal, int dual, Direction dir
       products_(row_product_kernels(isa)),
       records_(linalg::size_product({record_, count})),
       finished_(record_),
-      w_(width_ * ld_),
       u_(width_ * ld_),
       coupling_u_(width_ * ld_),
       before_(width_) {
@@ -65,10 +64,9 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
   e.size = width_;
   e.ld = e.diagonal_ld = e.left.source_ld = ld_;
   e.signs = signs;
-  e.diagonal = e.w = w_.data();
+  e.diagonal = e.u = u_.data();
   e.original = before_.data();
   e.original_step = 1;
-  e.u = u_.data();
   e.left.columns = 2 * half_;
   e.left.u = coupling_u_.data();
   for (int k = 0; k < count_; ++k) {
@@ -82,9 +80,10 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
     ask(0);
     write_front(rows, epsilon, k, v);
     ask(1);
-    row_kernels_.add_schur(schur(), schur_ld_, half_, offset(), w_.data(), v, ld_);
+    row_kernels_.add_schur(schur(), schur_ld_, half_, offset(), u_.data(), v, ld_);
     ask(2);
     e.inverse = finished;
+    e.w = finished + w_at_;
     e.left.source = e.left.v = v;
     pivot_ = kernels_.eliminate(e);
     if (pivot_.row >= 0) {
@@ -92,14 +91,12 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
       return;
     }
     ask(3);
-    kernels_.pack(width_, w_.data(), ld_, finished + w_at_);
-    ask(4);
     double* next = schur_[1 - last_].data();
     row_kernels_.start_schur(schur(), schur_ld_, half_, next);
     kernels_.update(2 * half_, 2 * half_, width_, next, schur_ld_, next, schur_ld_, v, ld_,
                     coupling_u_.data(), ld_, true);
     last_ = 1 - last_;
-    ask(5);
+    ask(4);
     if (m > 0) forward_front(k, finished, x, m, kept);
     if (streamed_) kernels_.stream(finished, record(k), record_);
   }
@@ -107,9 +104,9 @@ void FrontSweep::factor(const NodeRows& rows, const signed char* signs, double e
   if (streamed_) std::atomic_thread_fence(std::memory_order_seq_cst);
 }
 
-// The matrix's own entries, in place of W and V.
+// The matrix's own entries, in place of U and V.
 void FrontSweep::write_front(const NodeRows& rows, double epsilon, int front, double* v) {
-  double* p = w_.data();
+  double* p = u_.data();
   row_kernels_.write_pivots(rows, node(front), p, ld_);
   for (int r = 0; r < dual_; ++r) p[r * (ld_ + 1)] = -epsilon;
   for (int r = 0; r < width_; ++r) before_.data()[r] = p[r * (ld_ + 1)];

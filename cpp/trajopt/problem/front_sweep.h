@@ -56,13 +56,13 @@ class FrontSweep {
 
   int nodes_, count_, dual_, width_, half_;
   bool down_;
-  long ld_, schur_ld_;         // of W, U and V; of the Schur complements
+  long ld_, schur_ld_;         // of U and V; of the Schur complements
   long v_at_, w_at_, record_;  // where V and W begin in a record, and its length
   bool streamed_;              // records are written around the caches
   const linalg::BlockKernels& kernels_;
   const NodeRowKernels& row_kernels_;
   const RowProductKernels& products_;
-  linalg::BlockBuffer records_, finished_, w_, u_, coupling_u_, before_;
+  linalg::BlockBuffer records_, finished_, u_, coupling_u_, before_;
   linalg::BlockBuffer schur_[2];
   int last_ = 0, failed_ = -1;
   linalg::Pivot pivot_;

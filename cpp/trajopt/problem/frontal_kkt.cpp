@@ -32,7 +32,6 @@ FrontalKkt::FrontalKkt(int nodes, int primal, int dual, Isa isa, linalg::Storage
       root_nodes_(std::min(nodes, 2)),
       root_ld_(linalg::padded(2 * width_)),
       root_(2 * width_ * root_ld_),
-      root_u_(2 * width_ * root_ld_),
       root_inverse_(2 * width_),
       root_packed_(linalg::PackedTriangle<double>::length(2 * width_)),
       root_before_(2 * width_),
@@ -88,11 +87,11 @@ void FrontalKkt::factor_root(const NodeRows& rows, double epsilon) {
   linalg::Elimination e;
   e.size = size;
   e.ld = e.diagonal_ld = root_ld_;
-  e.diagonal = e.w = root;
+  e.diagonal = e.u = root;
   e.original = root_before_.data();
   e.original_step = 1;
   e.signs = signs_.data();
-  e.u = root_u_.data();
+  e.w = root_packed_.data();
   e.inverse = root_inverse_.data();
   linalg::Pivot pivot = kernels_.eliminate(e);
   if (pivot.row >= 0) {
@@ -100,7 +99,6 @@ void FrontalKkt::factor_root(const NodeRows& rows, double epsilon) {
     pivot.row %= width_;
     fail(node, pivot);
   }
-  kernels_.pack(size, root, root_ld_, root_packed_.data());
 }
 
 // The sweep from below has left the root's first node as the far one, the sweep from above as the

@@ -69,7 +69,7 @@ class FrontalKkt {
   int root_node_, root_nodes_;  // the first one, and how many
   bool factored_ = false;
   long root_ld_;
-  linalg::BlockBuffer root_, root_u_, root_inverse_, root_packed_, root_before_, root_coupling_;
+  linalg::BlockBuffer root_, root_inverse_, root_packed_, root_before_, root_coupling_;
   linalg::BlockBuffer kept_down_, kept_up_;                     // of solve()
   linalg::BlockBuffer residual_, saved_, chunk_max_, scratch_;  // of refine()
   const linalg::BlockKernels& kernels_;
