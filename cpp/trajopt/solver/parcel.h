@@ -26,6 +26,7 @@ class Parcel {
     if (!addressed_) places_.push_back(place(from, bytes));
     const std::size_t at = places_[addressed_ ? next_++ : places_.size() - 1];
     if (bytes > 0) std::memcpy(bytes_.data() + at, from, bytes);
+    // NOLINTNEXTLINE(performance-no-int-to-ptr): memory of a device, or of none yet
     return reinterpret_cast<T*>(base_ + at);
   }
 
