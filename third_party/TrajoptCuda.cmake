@@ -1,11 +1,21 @@
 # Sets TRAJOPT_WITH_CUDA: whether the CUDA backend is built, from the option TRAJOPT_CUDA and from
-# what is installed. When it is, enables the language and chooses the architectures.
+# what is installed. When it is, enables the language and chooses the architectures. Sets
+# TRAJOPT_WITH_EMULATION: whether its tests on the emulated runtime can be built.
 set(TRAJOPT_WITH_CUDA OFF)
+set(TRAJOPT_WITH_EMULATION OFF)
 if(TRAJOPT_CUDA STREQUAL "OFF")
   return()
 endif()
-if(NOT TRAJOPT_CUDA MATCHES "^(AUTO|ON)$")
-  message(FATAL_ERROR "TRAJOPT_CUDA is '${TRAJOPT_CUDA}', expected AUTO, ON or OFF")
+if(NOT TRAJOPT_CUDA MATCHES "^(AUTO|ON|EMULATED)$")
+  message(FATAL_ERROR "TRAJOPT_CUDA is '${TRAJOPT_CUDA}', expected AUTO, ON, EMULATED or OFF")
+endif()
+if(TRAJOPT_CUDA STREQUAL "EMULATED")
+  find_package(CUDAToolkit QUIET)
+  set(TRAJOPT_WITH_EMULATION ${CUDAToolkit_FOUND})
+  if(NOT CUDAToolkit_FOUND)
+    message(STATUS "CUDA: no toolkit, whose headers the emulated runtime is compiled with")
+  endif()
+  return()
 endif()
 
 if(NOT CMAKE_CUDA_COMPILER)
@@ -69,4 +79,5 @@ if(NOT CMAKE_CUDA20_STANDARD_COMPILE_OPTION)
 endif()
 find_package(CUDAToolkit REQUIRED)
 set(TRAJOPT_WITH_CUDA ON)
+set(TRAJOPT_WITH_EMULATION ON)
 message(STATUS "CUDA: ${CMAKE_CUDA_COMPILER_VERSION} for ${CMAKE_CUDA_ARCHITECTURES}")

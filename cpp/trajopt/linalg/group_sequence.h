@@ -52,10 +52,10 @@ void sequence_solve(const Executor& run, const GroupPlan& plan, const PlanEntrie
   if constexpr (std::is_same_v<T, double>) {
     sequence_sweeps(run, plan, at, s, v);
   } else {
-    run(group::PeakWork{s, v, room.peak});
-    run(group::RoundWork{s, v, room});
+    run(group::PeakWork{s.matrix(), v, room.peak});
+    run(group::RoundWork{s.matrix(), v, room});
     sequence_sweeps(run, plan, at, s, BasicGroupVectors<T>{room.x, v.m, v.active});
-    run(group::RestoreWork{s, v, room});
+    run(group::RestoreWork{s.matrix(), v, room});
   }
 }
 
@@ -89,12 +89,13 @@ void sequence_refine_step(const Executor& run, const GroupPlan& plan, const Plan
                           double tolerance, const RefineArrays& a) {
   using Decide = group::DecideWork;
   const int chunks = column_chunks(m);
+  const GroupMatrix& matrix = s.matrix();
   const GroupVectors going_on{x, m, a.active};
   sequence_solve(run, plan, at, s, {a.r, m, a.active}, a.room);
-  run(group::CorrectWork{s, going_on, a.r, a.saved, nullptr});
-  run(group::ResidualWork{s, going_on, a.rhs, a.r, a.norm});
-  run(Decide{Decide::When::step, s, chunks, max_steps, tolerance, a.norm, a.states, a.active});
-  run(group::CorrectWork{s, {x, m, nullptr}, a.r, a.saved, a.states});
+  run(group::CorrectWork{matrix, going_on, a.r, a.saved, nullptr});
+  run(group::ResidualWork{matrix, going_on, a.rhs, a.r, a.norm});
+  run(Decide{Decide::When::step, matrix, chunks, max_steps, tolerance, a.norm, a.states, a.active});
+  run(group::CorrectWork{matrix, {x, m, nullptr}, a.r, a.saved, a.states});
 }
 
 }  // namespace trajopt::linalg

@@ -59,6 +59,7 @@ struct BasicGroupSystem : GroupMatrix {
 
   static constexpr int kNever = 0x7f7f7f7f;  // every byte the same: a device can set it as memory
 
+  TRAJOPT_HD const GroupMatrix& matrix() const { return *this; }
   TRAJOPT_HD long block_length() const { return ld * size; }
   TRAJOPT_HD const signed char* signs_of(int item, int block) const {
     return signs + (static_cast<long>(item) * blocks + block) * size;

@@ -156,7 +156,7 @@ void start_schur(const double* before, long schur_ld, int half, double* next) {
 void subtract_damping(const NodeRows& s, long i, const double* x, double* r, int m) {
   const long node = static_cast<long>(s.width()) * m, part = static_cast<long>(s.primal) * m;
   const long tangent = i * node + static_cast<long>(s.dual) * m;
-  double w[3][3];
+  double w[3][3] = {};
   for (int ahead = 0; ahead < 3; ++ahead)
     if (i + ahead < s.nodes) damping_weights(s, i + ahead, w[ahead]);
   for (int by = -2; by <= 2; ++by) {

@@ -84,10 +84,10 @@ class FramesMemory {
       for (int p = 0; p < count_; ++p)
         pack_problem(parcel, *members[p].problem, options, systems[p]);
     };
-    Parcel measured(nullptr);
-    fill(measured);
-    unsigned char* base = allocate<unsigned char>(measured.size());
-    Parcel parcel(base);
+    Parcel parcel;
+    fill(parcel);
+    unsigned char* base = allocate<unsigned char>(parcel.size());
+    parcel.address(base);
     fill(parcel);
     device_.upload(base, parcel.data(), parcel.size());
     terms_ = systems[0].terms();

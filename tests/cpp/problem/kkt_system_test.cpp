@@ -304,6 +304,15 @@ TEST(KktByNodes, IsRefusedWhereItIsNotPossible) {
   }
 }
 
+TEST(KktByNodes, IsWhatAFrontalSystemAsksFor) {
+  const Linearized blocks = linearize(test::make_case({}));
+  const Linearized nodes = linearize(test::make_case({}), 0, Ordering::frontal);
+  KktSystem kkt(*nodes.c.problem, 60.0, Ordering::frontal);
+  EXPECT_THROW(kkt.assemble(blocks.lin, 0.3), ArgumentError);
+  EXPECT_THROW(kkt.assemble(nodes.lin, 0.3, true), ArgumentError);
+  EXPECT_NO_THROW(kkt.assemble(nodes.lin, 0.3));
+}
+
 INSTANTIATE_TEST_SUITE_P(Setups, Kkt, testing::ValuesIn(test::all_setups()),
                          [](const auto& info) { return info.param.name; });
 

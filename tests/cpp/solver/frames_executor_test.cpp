@@ -110,6 +110,28 @@ TEST(FramesExecutor, Spline) {
   }
 }
 
+// One block, two, and the first odd count; the shortest ring.
+TEST(FramesExecutor, ShortMotions) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 5;
+  options.funnel = 1e3;
+  std::vector<test::Setup> setups = {{.frames = 8, .periodic = true, .turn = 0.02}};
+  for (int nodes : {1, 2, 3}) {
+    setups.push_back({.frames = nodes, .turn = 0.02});
+    setups.push_back({.formulation = Formulation::spline,
+                      .frames = 2 * nodes,
+                      .frames_per_knot = 2,
+                      .turn = 0.02});
+  }
+  for (const test::Setup& setup : setups) {
+    SCOPED_TRACE(std::to_string(setup.frames) + " frames");
+    const auto records = compare([&] { return test::make_case_with_functions(setup); }, options,
+                                 {RankOrder::reverse, 0}, 7);
+    EXPECT_GT(records.size(), 1u);
+  }
+}
+
 // A gait on the way to where it repeats itself: the frames of the ring's seam differ by the stride.
 TEST(FramesExecutor, Ring) {
   for (Ordering ordering : {Ordering::cyclic, Ordering::chunked}) {

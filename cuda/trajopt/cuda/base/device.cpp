@@ -37,6 +37,7 @@ std::vector<DeviceInfo> devices() {
   int count = 0;
   count_devices(&count);
   std::vector<DeviceInfo> all;
+  all.reserve(count);
   for (int device = 0; device < count; ++device) all.push_back(describe(device));
   return all;
 }

@@ -93,7 +93,7 @@ std::size_t linalg_shared_memory(int size) {
   return std::max({group::EliminateWork<T>{s, nullptr, 0, 0}.bytes(),
                    group::UpdateWork<T>{s, nullptr, 0, 0}.bytes(),
                    group::BackwardWork<T>{s, v, nullptr, 0}.bytes(),
-                   group::ResidualWork{s, {}, nullptr, nullptr, nullptr}.bytes()});
+                   group::ResidualWork{s.matrix(), {}, nullptr, nullptr, nullptr}.bytes()});
 }
 
 template <class T>
