@@ -116,8 +116,8 @@ py::dict time_requests(const std::vector<BatchMember>& members, const std::strin
   return seconds;
 }
 
-// What a problem ended with, as Python sees it: (status, message, iterations, state, records), or
-// an exception.
+// What a problem ended with, as Python sees it: (status, message, iterations, state, ordering,
+// records), or an exception.
 py::object end_object(const BatchEnd& end, const State& state,
                       const std::vector<IterationRecord>& records) {
   if (end.error) {
@@ -136,7 +136,8 @@ py::object end_object(const BatchEnd& end, const State& state,
   py::list list;
   for (const IterationRecord& r : records) list.append(record_dict(r));
   const Result& r = end.result;
-  return py::make_tuple(status_name(r.status), r.message, r.iterations, to_array(state), list);
+  return py::make_tuple(status_name(r.status), r.message, r.iterations, to_array(state),
+                        linalg::ordering_name(r.ordering), list);
 }
 
 }  // namespace

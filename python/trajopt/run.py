@@ -43,10 +43,12 @@ class _Run:
     started: float = field(default_factory=time.perf_counter)
     stage_index: int = 0
     stage: Stage = field(default_factory=Stage)
+    ordering: str = "auto"  # once a pass has begun: the one that the core took
 
     def record(self, values: dict[str, Any], elapsed: float, snapshot: Any) -> IterationRecord:
         """The core's record as ours, numbered through; it joins the history."""
         names = self.transcription.term_names
+        self.ordering = values["ordering"]
         record = IterationRecord(
             iteration=self.iterations + values["iteration"] + 1,
             stage=self.stage_index,
@@ -81,7 +83,7 @@ class _Run:
             seconds=time.perf_counter() - self.started,
             history=list(self.history),
             seed=self.seed,
-            ordering=self.settings.ordering,
+            ordering=self.ordering,
             device=self.settings.device,
             settings={"method": self.settings.method, "stage": self.stage_index},
         )
@@ -196,15 +198,16 @@ def _stages(
         budget = limit - len(run.history)
         if stage.iterations is not None and not last:
             budget = min(budget, stage.iterations)
-        name, message, count, state = yield Pass(core, state, max(budget, 1), last, run)
-        run.iterations += count
-        status = Status(name)
+        found = yield Pass(core, state, max(budget, 1), last, run)
+        state, run.ordering = found.state, found.ordering
+        run.iterations += found.iterations
+        status = Status(found.status)
         if last or status in (Status.INTERRUPTED, Status.NUMERICAL_FAILURE):
             break
         guess = transcription.to_si(core.evaluate(state)["frames"])[2:]
         if len(run.history) >= limit:
             break
-    return run.solution(core, state, status, message, stage)
+    return run.solution(core, state, status, found.message, stage)
 
 
 def _refine(run: _Run, solution: Solution, tolerance: float) -> Passes:

@@ -99,6 +99,8 @@ def test_any_shape_method_and_option():
     options["stages"] = [Stage(stiffness=0.1, iterations=4), Stage()]
     found = trajopt.solve_batch(mixed, **options)
     assert_same(found, [trajopt.solve(p, threads=1, **options) for p in mixed])
+    unasked = trajopt.solve_batch(mixed, max_iterations=1)
+    assert [s.ordering for s in unasked] == ["frontal", "chunked", "sequential"]
     spline = [make(0.2, frames_per_knot=5)]
     paper = trajopt.solve_batch(spline, method="paper", max_iterations=5)
     assert_same(paper, [trajopt.solve(spline[0], "paper", threads=1, max_iterations=5)])

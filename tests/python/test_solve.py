@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -216,6 +217,31 @@ def test_orderings_agree(ordering):
     np.testing.assert_allclose(solution.x, other.x, atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("problem", "options", "used"),
+    [
+        ({}, {}, "frontal"),
+        ({"periodic": True}, {}, "chunked"),
+        ({"formulation": "spline", "frames_per_knot": 2}, {}, "chunked"),
+        ({"formulation": "spline", "frames_per_knot": 10}, {}, "sequential"),  # one block
+        ({"frames_per_knot": 2}, {"method": "paper"}, "chunked"),
+        ({}, {"ordering": "cyclic"}, "cyclic"),
+    ],
+)
+def test_a_solution_names_the_ordering_that_was_used(problem, options, used, tmp_path):
+    seen = []
+    found = solve(
+        make(**problem),
+        max_iterations=2,
+        callback=lambda record: seen.append(record.snapshot().ordering),
+        **options,
+    )
+    assert found.ordering == found.summary()["ordering"] == used
+    assert seen == [used] * found.iterations
+    found.save(tmp_path / "a.npz")
+    assert trajopt.Solution.load(tmp_path / "a.npz").ordering == used
+
+
 def test_frames_that_are_not_periodic_are_eliminated_one_by_one():
     frontal, other = (
         solve(make(), ordering=ordering, stages=[Stage()], max_iterations=10)
@@ -280,6 +306,16 @@ def test_checkpoint_resumes_at_its_stage(tmp_path):
     assert resumed.history[0].stage == 1
     assert resumed.history[0].objective < 1.2 * checkpoint.objective
     assert {r.stage for r in resumed.history} == {1, 2}
+
+
+def test_warm_start_from_a_file_that_says_which_ordering_was_asked_for(tmp_path):
+    old = replace(solved(), ordering="auto")
+    old.save(tmp_path / "old.npz")
+    loaded = trajopt.Solution.load(tmp_path / "old.npz")
+    assert loaded.ordering == "auto"
+    again = solve(make(), warm_start=loaded)
+    assert again.ordering == "frontal"
+    assert again.x.tobytes() == solve(make(), warm_start=solved()).x.tobytes()
 
 
 def test_warm_start_of_another_character_is_refused():

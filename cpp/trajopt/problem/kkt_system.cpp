@@ -27,7 +27,6 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
       size_(2 * (primal_ + dual_)),
       threads_(std::max(problem.options().threads, 1)),
       ring_(problem.options().periodic),
-      ordering_(ordering),
       matrix_(ordering == Ordering::frontal ? 1 : (ring_ ? blocks_ - 1 : blocks_), size_),
       signs_(rows(), 1) {
   for (int node = 0; node < nodes_; ++node)
@@ -49,7 +48,8 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
 }
 
 Ordering KktSystem::ordering() const {
-  return ring_ || frontal_ ? ordering_ : factorization_->ordering();
+  if (frontal_) return Ordering::frontal;
+  return ring_ ? bordered_->ordering() : factorization_->ordering();
 }
 
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {

@@ -64,7 +64,7 @@ class KktSystem {
     return {nodes_, primal_, dual_, ring_, smoothing_, gradient, constraint, steps};
   }
 
-  linalg::Ordering ordering() const;
+  linalg::Ordering ordering() const;  // never automatic
 
  private:
   void assemble_frames(const Linearization& lin, double damping, bool identity);
@@ -76,7 +76,6 @@ class KktSystem {
   double smoothing_;
   int nodes_, primal_, dual_, blocks_, size_, threads_;
   bool ring_;
-  linalg::Ordering ordering_;
   std::unique_ptr<FrontalKkt> frontal_;
   NodeRows node_rows_{};                      // of a frontal system; the others have
   linalg::SymmetricBlockTridiagonal matrix_;  // a ring keeps its last block in the border
