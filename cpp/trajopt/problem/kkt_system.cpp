@@ -1,6 +1,7 @@
 #include "trajopt/problem/kkt_system.h"
 
 #include <algorithm>
+#include <string>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
@@ -53,6 +54,7 @@ Ordering KktSystem::ordering() const {
 }
 
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
+  check_form(lin, identity);
   if (frontal_) {
     node_rows_ = {nodes_, primal_, dual_, smoothing_, damping, lin.node_rows.data()};
     return;
@@ -67,6 +69,23 @@ void KktSystem::assemble(const Linearization& lin, double damping, bool identity
     for (int i = size_ / 2; i < size_; ++i) d[static_cast<long>(i) * size_ + i] = 1;
   }
   assemble_frames(lin, damping, identity);
+}
+
+void KktSystem::check_form(const Linearization& lin, bool identity) const {
+  if (lin.by_nodes != (frontal_ != nullptr)) {
+    throw ArgumentError(frontal_ ? "by_nodes = false, expected true: ordering 'frontal' eliminates "
+                                   "a linearization by nodes"
+                                 : "by_nodes = true, expected false: only ordering 'frontal' "
+                                   "eliminates a linearization by nodes");
+  }
+  if (!frontal_) return;
+  if (identity) throw ArgumentError("identity = true, expected false: ordering 'frontal' needs H");
+  const std::size_t expected = nodes_ * NodeRows{nodes_, primal_, dual_, 0, 0, nullptr}.length();
+  if (lin.node_rows.size() < expected) {
+    throw ArgumentError("node_rows holds " + std::to_string(lin.node_rows.size()) +
+                        " numbers, expected at least " + std::to_string(expected) + " of " +
+                        std::to_string(nodes_) + " nodes: linearize() writes them");
+  }
 }
 
 void KktSystem::assemble_frames(const Linearization& lin, double damping, bool identity) {

@@ -46,7 +46,8 @@ class KktSystem {
   static bool frontal_possible(const TrajectoryProblem& problem);
 
   // Writes H + damping W and A. Without lin's Hessian (identity = true; not frontal) writes
-  // [W A^T; A 0]. A frontal system reads `lin` until the next call.
+  // [W A^T; A 0]. A frontal system reads `lin` until the next call; it and no other wants a
+  // linearization by nodes. Throws ArgumentError where `lin` is not in the form it reads.
   void assemble(const Linearization& lin, double damping, bool identity = false);
 
   // Factors with -epsilon on the multiplier diagonal; throws FactorizationError.
@@ -67,6 +68,7 @@ class KktSystem {
   linalg::Ordering ordering() const;  // never automatic
 
  private:
+  void check_form(const Linearization& lin, bool identity) const;
   void assemble_frames(const Linearization& lin, double damping, bool identity);
   void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
