@@ -215,6 +215,21 @@ def test_a_failing_problem_does_not_lose_the_others(elsewhere):
     assert_same([error.solutions[0], error.solutions[2]], [alone()[0], alone()[2]])
 
 
+def test_what_the_core_refuses_is_the_same_error_as_alone(monkeypatch):
+    # A check that Python lacks: the core finds it out by itself.
+    monkeypatch.setattr("trajopt.settings._check_ordering", lambda *_: None)
+    ring = make(0.1, duration=0.6, periodic=True)
+    options = {"ordering": "frontal", "max_iterations": 2}
+    with pytest.raises(trajopt.ArgumentError, match="expected formulation frames") as single:
+        trajopt.solve(ring, threads=1, **options)
+    with pytest.raises(trajopt.BatchError) as batch:
+        trajopt.solve_batch([make(0.1), ring], **options)
+    error = batch.value.errors[1]
+    assert (type(error), str(error)) == (type(single.value), str(single.value))
+    assert isinstance(error, ValueError)
+    assert batch.value.solutions[0].iterations == 2
+
+
 def test_a_callback_stops_one_problem_or_fails_it():
     found = trajopt.solve_batch(problems(2), callback=lambda k, r: k == 1 and r.iteration == 3)
     assert [str(s.status) for s in found] == ["solved", "interrupted"]
