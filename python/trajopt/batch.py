@@ -10,7 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from trajopt import _core
-from trajopt.checks import whole
 from trajopt.errors import ArgumentError, ArgumentTypeError, BatchError
 from trajopt.interrupt import InterruptFlag
 from trajopt.methods import run_core, run_together
@@ -85,7 +84,7 @@ def solve_batch(
         client's ``get_executor()`` returns. Each call solves one problem on one thread.
     threads : int, optional
         Problems in work at a time; all processors by default. Not with an `executor`, whose workers
-        are its own affair.
+        are its own affair, nor with ``device="cuda"``.
     warm_start : sequence of Solution or None, optional
         Motion to start from, one for every problem.
     seed : int or sequence of int
@@ -129,6 +128,7 @@ def solve_batch(
         "solve_batch",
         method=method,
         device=device,
+        threads=threads,
         max_iterations=max_iterations,
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
@@ -160,8 +160,6 @@ def _check_execution(
 ) -> int:
     if callback is not None and not callable(callback):
         raise ArgumentTypeError(f"solve_batch: callback must be callable, not {callback!r}")
-    if threads is not None:
-        whole("solve_batch", "threads", threads, 1)
     if executor is not None:
         if not callable(getattr(executor, "submit", None)):
             raise ArgumentTypeError(
@@ -306,7 +304,7 @@ class _Batch:
             "ordering": settings.ordering,
             "refine": settings.refine,
             "max_refinements": settings.max_refinements,
-            "threads": 1,
+            "threads": 1 if settings.device == "cpu" else None,
         }
         ended: queue.SimpleQueue[int] = queue.SimpleQueue()
         futures: dict[int, Any] = {}

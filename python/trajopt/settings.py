@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.checks import choice, non_negative, positive, whole
-from trajopt.devices import choose_device
+from trajopt.devices import check_threads, choose_device
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
 from trajopt.methods import METHODS, paper_problem
 from trajopt.status import Status
@@ -68,6 +68,7 @@ def make_settings(
     *,
     method: str,
     device: str,
+    threads: int | None,
     max_iterations: int | None,
     tolerance: float,
     constraint_tolerance: float,
@@ -77,7 +78,7 @@ def make_settings(
     refine: float | None,
     max_refinements: int,
 ) -> Settings:
-    """Check options; `owner` is the function that errors name.
+    """Check options; `owner` is the function that errors name. `threads` is checked only.
 
     Raises
     ------
@@ -86,6 +87,9 @@ def make_settings(
     """
     choice(owner, "method", method, METHODS)
     choice(owner, "ordering", ordering, ORDERINGS)
+    if threads is not None:
+        whole(owner, "threads", threads, 1)
+    check_threads(owner, device, threads)
     # A GPU only when it is asked for.
     device = "cpu" if device == "auto" else choose_device(device)
     if device == "cuda" and method != "default":

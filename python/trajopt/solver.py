@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from trajopt import _core
-from trajopt.checks import whole
 from trajopt.errors import ArgumentTypeError
 from trajopt.interrupt import InterruptFlag
 from trajopt.methods import run_core
@@ -61,7 +60,8 @@ def solve(
     seed : int
         Seed of the noise on the start.
     threads : int, optional
-        All processors by default. The result has the same bits for every number.
+        Of the processor, by default all it has; an error with ``device="cuda"``. The result has the
+        same bits for every number.
     tolerance : float
         Solved when the objective falls by less than this share in ten iterations ...
     constraint_tolerance : float
@@ -94,6 +94,7 @@ def solve(
         "solve",
         method=method,
         device=device,
+        threads=threads,
         max_iterations=max_iterations,
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
@@ -105,8 +106,6 @@ def solve(
     )
     if callback is not None and not callable(callback):
         raise ArgumentTypeError(f"solve: callback must be callable, not {callback!r}")
-    if threads is not None:
-        whole("solve", "threads", threads, 1)
     task = make_task("solve", settings, problem, warm_start, seed)
     with InterruptFlag() as interrupt:
         cores = threads or _core.hardware_threads()
