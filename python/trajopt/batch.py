@@ -64,6 +64,7 @@ def solve_batch(
     ordering: str = "auto",
     refine: float | None = None,
     max_refinements: int = 3,
+    guess: str = "auto",
 ) -> list[Solution]:
     """Find a motion for each of many problems.
 
@@ -95,7 +96,7 @@ def solve_batch(
     progress : bool
         Show on the standard error stream how many problems have ended.
     method, max_iterations, tolerance, constraint_tolerance, noise, stages, ordering, refine, \
-    max_refinements
+    max_refinements, guess
         As for `solve`, for every problem.
 
     Returns
@@ -133,6 +134,7 @@ def solve_batch(
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
         noise=noise,
+        guess=guess,
         stages=stages,
         ordering=ordering,
         refine=refine,
@@ -300,6 +302,7 @@ class _Batch:
             "tolerance": settings.tolerance,
             "constraint_tolerance": settings.constraint_tolerance,
             "noise": settings.noise,
+            "guess": settings.guess,
             "stages": settings.stages,
             "ordering": settings.ordering,
             "refine": settings.refine,

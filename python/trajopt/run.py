@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.finite import check_start
+from trajopt.guess import first_guess
 from trajopt.methods import CoreResult
 from trajopt.records import IterationRecord
 from trajopt.refinement import interval_errors, refine_until
@@ -27,6 +28,8 @@ from trajopt.transcription import Stage, Transcription
 __all__ = ["Pass", "Passes", "drive", "passes"]
 
 FloatArray = NDArray[np.float64]
+
+UNMET = 0.2  # share of its cost at rest above which a task counts as not done
 
 
 @dataclass
@@ -186,7 +189,7 @@ def _stages(
         initial = transcription.initial_frames(stage)
         core = transcription.core_problem(stage, initial)
         if guess is None:
-            frames = transcription.still(initial)
+            frames = first_guess(run.settings, transcription.problem, transcription.still(initial))
             state = core.state_from_frames(transcription.to_core(frames))
             rng = np.random.default_rng(run.seed)
             state = _perturb(transcription, core, state, transcription.noise(rng, noise))
@@ -207,7 +210,25 @@ def _stages(
         guess = transcription.to_si(core.evaluate(state)["frames"])[2:]
         if len(run.history) >= limit:
             break
-    return run.solution(core, state, status, found.message, stage)
+    message = found.message
+    if status is Status.SOLVED:
+        message += unmet_tasks(transcription, core, state, stage)
+    return run.solution(core, state, status, message, stage)
+
+
+def unmet_tasks(transcription: Transcription, core: Any, state: FloatArray, stage: Stage) -> str:
+    """Return what to add to the message of a solve that ended with its tasks largely undone."""
+    values = dict(zip(transcription.term_names, core.evaluate(state)["terms"], strict=True))
+    shares = [
+        f"{label} still costs {100 * share:.0f} % of what it costs at rest"
+        for label, weight in transcription.task_weights(stage).items()
+        if (share := values.get(label, 0.0) / weight) > UNMET
+    ]
+    if not shares:
+        return ""
+    return (
+        f"; {', '.join(shares)}: perhaps a poor local minimum, which another seed or guess avoids"
+    )
 
 
 def _refine(run: _Run, solution: Solution, tolerance: float) -> Passes:

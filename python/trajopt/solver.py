@@ -37,6 +37,7 @@ def solve(
     ordering: str = "auto",
     refine: float | None = None,
     max_refinements: int = 3,
+    guess: str = "auto",
 ) -> Solution:
     """Find a motion.
 
@@ -67,7 +68,7 @@ def solve(
     constraint_tolerance : float
         ... and ‖C‖∞ is below this many body weights.
     noise : float
-        Amplitude of the noise on the settled start [lengths, rad].
+        Amplitude of the noise on the guess [lengths, rad].
     stages : sequence of Stage, optional
         Passes of the solve. A warm start goes on in the pass where it was cut off; a motion that
         was solved runs only the last.
@@ -79,6 +80,11 @@ def solve(
         weight, and solve again.
     max_refinements : int
         Limit of such passes.
+    guess : {"auto", "still", "gliding"}
+        Where to start without a `warm_start`: at rest, or gliding in the start pose at the velocity
+        that `CenterOfMassVelocity` asks for. ``"auto"`` is at rest, but for a way of more than 15
+        characteristic lengths by the default method. Tasks are scaled by their cost at rest in any
+        case.
 
     Returns
     -------
@@ -99,6 +105,7 @@ def solve(
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
         noise=noise,
+        guess=guess,
         stages=stages,
         ordering=ordering,
         refine=refine,
