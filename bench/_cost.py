@@ -43,7 +43,7 @@ from trajopt.plotting.style import ACCENT, INK, MUTED, SERIES, figure, tidy
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from trajopt.objectives import _Term
+    from trajopt.objectives.base import Term
 
 PHASES = ("dynamics", "factorization", "solve")
 MUST, AIM = 20.0, 8.0  # milliseconds
@@ -101,7 +101,7 @@ def count_flops(problem: trajopt.Problem) -> dict[str, float]:
     }
 
 
-def _gram(term: _Term, problem: trajopt.Problem) -> float:
+def _gram(term: Term, problem: trajopt.Problem) -> float:
     """Flops of a term's rows: rows per frame · columns² · frames that count."""
     model, d = problem.model, problem.model.ndof
     times = getattr(term, "time", None)

@@ -32,7 +32,7 @@ SMALL = (1, 3)
 
 
 def solve(motions: list[Motion], device: str, ordering: str, iterations: int) -> list[Any]:
-    """Return the answers of the core: status, message, iterations, state, records."""
+    """Return the answers of the core: status, message, iterations, state, ordering, records."""
     n = len(motions)
     answers = _core.solve_funnels(
         [motion.core for motion in motions],

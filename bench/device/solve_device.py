@@ -44,7 +44,7 @@ def solve(
         last = now
         return len(times) < WARM_UP + 2 or now - begin < seconds
 
-    *_, state = _core.solve_funnel(
+    *_, state, _ = _core.solve_funnel(
         motion.core,
         motion.start,
         observe,

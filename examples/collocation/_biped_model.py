@@ -130,6 +130,7 @@ def problem(torso_from: str = "hip", knee_torque: float = -20.0) -> col.Problem:
     first = np.array([-0.3, 0.7, 0.0, -0.5, -0.6])
     last = first[::-1]
     rates = (last - first) / DURATION
+    joints = ["stance knee", "stance hip", "swing hip", "swing knee"]
     links = ["stance tibia", "stance femur", "torso", "swing femur", "swing tibia"]
     return col.Problem(
         dynamics=dynamics,
@@ -144,6 +145,9 @@ def problem(torso_from: str = "hip", knee_torque: float = -20.0) -> col.Problem:
             tf=DURATION,
             u=[knee_torque, 0, 0, 0],
         ),
-        x_names=[*links, *(f"{name} rate" for name in links)],
-        u_names=["stance knee", "stance hip", "swing hip", "swing knee"],
+        x_names=[
+            *(f"{name} [rad]" for name in links),
+            *(f"{name} rate [rad/s]" for name in links),
+        ],
+        u_names=[f"{name} [N·m]" for name in joints],
     )

@@ -15,7 +15,15 @@ PYBIND11_MODULE(_core, m) {
       "isa", [] { return trajopt::isa_name(trajopt::active_isa()); },
       "Instruction set the hot code runs with: portable, avx2 or avx512.");
   m.def("hardware_threads", &trajopt::hardware_threads);
-  py::register_exception<trajopt::ArgumentError>(m, "ArgumentError", PyExc_ValueError);
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): the type that pybind11 asks for
+  py::register_exception_translator([](std::exception_ptr p) {
+    try {
+      if (p) std::rethrow_exception(p);
+    } catch (const trajopt::ArgumentError& error) {
+      const py::object type = py::module_::import("trajopt.errors").attr("ArgumentError");
+      PyErr_SetString(type.ptr(), error.what());
+    }
+  });
   trajopt::bindings::register_devices(m);
   trajopt::bindings::register_linalg(m);
 #ifdef TRAJOPT_WITH_CUDA

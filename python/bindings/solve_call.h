@@ -32,6 +32,7 @@ inline py::dict record_dict(const IterationRecord& r) {
   d["accepted"] = r.accepted;
   d["seconds"] = seconds;
   d["elapsed"] = r.elapsed;
+  d["ordering"] = linalg::ordering_name(r.ordering);
   return d;
 }
 
@@ -64,7 +65,8 @@ inline Observer make_observer(const py::object& function) {
   };
 }
 
-// solve(problem, options, state, observer) without the GIL; (status, message, iterations, state).
+// solve(problem, options, state, observer) without the GIL; (status, message, iterations, state,
+// ordering).
 template <class Solve, class Options>
 py::tuple run_solver(Solve solve, TrajectoryProblem& problem, const Options& options,
                      const Array& initial, const py::object& observer) {
@@ -76,7 +78,7 @@ py::tuple run_solver(Solve solve, TrajectoryProblem& problem, const Options& opt
     result = solve(problem, options, state, watch);
   }
   return py::make_tuple(status_name(result.status), result.message, result.iterations,
-                        to_array(state));
+                        to_array(state), linalg::ordering_name(result.ordering));
 }
 
 }  // namespace trajopt::bindings

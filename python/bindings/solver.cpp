@@ -116,27 +116,26 @@ py::dict time_requests(const std::vector<BatchMember>& members, const std::strin
   return seconds;
 }
 
-// What a problem ended with, as Python sees it: (status, message, iterations, state, records), or
-// an exception.
+// The exception that Python would see if it were thrown across its border.
+py::object python_exception(const std::exception_ptr& error) {
+  try {
+    py::cpp_function([&] { std::rethrow_exception(error); })();
+  } catch (const py::error_already_set& raised) {
+    return raised.value();
+  }
+  return py::none();  // not reached: the call throws
+}
+
+// What a problem ended with, as Python sees it: (status, message, iterations, state, ordering,
+// records), or an exception.
 py::object end_object(const BatchEnd& end, const State& state,
                       const std::vector<IterationRecord>& records) {
-  if (end.error) {
-    try {
-      std::rethrow_exception(end.error);
-    } catch (const py::error_already_set& error) {
-      return error.value();
-    } catch (const DeviceError& error) {
-      return py::module_::import("trajopt.errors").attr("DeviceError")(error.what());
-    } catch (const std::bad_alloc& error) {
-      return py::reinterpret_borrow<py::object>(PyExc_MemoryError)(error.what());
-    } catch (const std::exception& error) {
-      return py::module_::import("trajopt.errors").attr("TrajoptError")(error.what());
-    }
-  }
+  if (end.error) return python_exception(end.error);
   py::list list;
   for (const IterationRecord& r : records) list.append(record_dict(r));
   const Result& r = end.result;
-  return py::make_tuple(status_name(r.status), r.message, r.iterations, to_array(state), list);
+  return py::make_tuple(status_name(r.status), r.message, r.iterations, to_array(state),
+                        linalg::ordering_name(r.ordering), list);
 }
 
 }  // namespace

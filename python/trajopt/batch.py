@@ -10,7 +10,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from trajopt import _core
-from trajopt.checks import whole
 from trajopt.errors import ArgumentError, ArgumentTypeError, BatchError
 from trajopt.interrupt import InterruptFlag
 from trajopt.methods import run_core, run_together
@@ -65,6 +64,7 @@ def solve_batch(
     ordering: str = "auto",
     refine: float | None = None,
     max_refinements: int = 3,
+    guess: str = "auto",
 ) -> list[Solution]:
     """Find a motion for each of many problems.
 
@@ -85,7 +85,7 @@ def solve_batch(
         client's ``get_executor()`` returns. Each call solves one problem on one thread.
     threads : int, optional
         Problems in work at a time; all processors by default. Not with an `executor`, whose workers
-        are its own affair.
+        are its own affair, nor with ``device="cuda"``.
     warm_start : sequence of Solution or None, optional
         Motion to start from, one for every problem.
     seed : int or sequence of int
@@ -96,7 +96,7 @@ def solve_batch(
     progress : bool
         Show on the standard error stream how many problems have ended.
     method, max_iterations, tolerance, constraint_tolerance, noise, stages, ordering, refine, \
-    max_refinements
+    max_refinements, guess
         As for `solve`, for every problem.
 
     Returns
@@ -129,10 +129,12 @@ def solve_batch(
         "solve_batch",
         method=method,
         device=device,
+        threads=threads,
         max_iterations=max_iterations,
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
         noise=noise,
+        guess=guess,
         stages=stages,
         ordering=ordering,
         refine=refine,
@@ -160,8 +162,6 @@ def _check_execution(
 ) -> int:
     if callback is not None and not callable(callback):
         raise ArgumentTypeError(f"solve_batch: callback must be callable, not {callback!r}")
-    if threads is not None:
-        whole("solve_batch", "threads", threads, 1)
     if executor is not None:
         if not callable(getattr(executor, "submit", None)):
             raise ArgumentTypeError(
@@ -302,11 +302,12 @@ class _Batch:
             "tolerance": settings.tolerance,
             "constraint_tolerance": settings.constraint_tolerance,
             "noise": settings.noise,
+            "guess": settings.guess,
             "stages": settings.stages,
             "ordering": settings.ordering,
             "refine": settings.refine,
             "max_refinements": settings.max_refinements,
-            "threads": 1,
+            "threads": 1 if settings.device == "cpu" else None,
         }
         ended: queue.SimpleQueue[int] = queue.SimpleQueue()
         futures: dict[int, Any] = {}

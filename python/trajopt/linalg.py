@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 import trajopt._core as _core
-from trajopt.devices import Device, choose_device
+from trajopt.devices import Device, check_threads, choose_device
 from trajopt.errors import ArgumentError, ArgumentTypeError, FactorizationError
 
 __all__ = ["Factorization", "Ordering", "Precision", "SymmetricBlockTridiagonal"]
@@ -146,7 +146,8 @@ class SymmetricBlockTridiagonal:
             ``"auto"`` is the GPU where there is one.  The factors stay in its memory;
             :meth:`Factorization.solve` copies right-hand sides there and solutions back.
         threads : int, optional
-            Of the processor; default: all.  The result has the same bits for any number.
+            Of the processor; default: all.  The result has the same bits for any number.  An error
+            with ``device="cuda"``; with ``"auto"`` they are for where that is the processor.
         regularization : float
             Added to the diagonal times `signs`; :meth:`Factorization.solve` can refine it away.
         chunks : int
@@ -182,6 +183,7 @@ expected a positive one (regularization 0)
             raise ArgumentError(f"ordering = {ordering!r}, expected one of {_ORDERINGS}")
         if precision not in _PRECISIONS:
             raise ArgumentError(f"precision is {precision!r}, expected one of {_PRECISIONS}")
+        check_threads("factor", device, threads)
         where = choose_device(device)
         _require_integer(chunks, "chunks", 1)
         if not (np.isfinite(regularization) and regularization >= 0.0):

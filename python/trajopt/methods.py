@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from trajopt import _core
 from trajopt.transcription import Stage
@@ -65,8 +65,14 @@ def paper_problem(problem: Problem) -> Problem:
     return other
 
 
-CoreResult = tuple[str, str, int, Any]
-"""Status, message, iterations and state that a pass of the core's solver ends with."""
+class CoreResult(NamedTuple):
+    """What a pass of the core's solver ends with."""
+
+    status: str
+    message: str
+    iterations: int
+    state: Any
+    ordering: str
 
 
 def run_core(
@@ -106,8 +112,7 @@ def run_core(
             device=settings.device,
             **options,
         )
-    status, message, count, final = result
-    return str(status), str(message), int(count), final
+    return CoreResult(*result)
 
 
 def run_together(
@@ -147,7 +152,7 @@ def run_together(
             continue
         if isinstance(answer, BaseException):  # a callback that ends the program
             raise answer
-        status, message, count, final, records = answer
+        *result, records = answer
         request.note(records)
-        results.append((str(status), str(message), int(count), final))
+        results.append(CoreResult(*result))
     return results

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from trajopt.model import Model
-    from trajopt.objectives import _Term
+    from trajopt.objectives.base import Term
 
 __all__ = ["Problem"]
 
@@ -122,7 +122,7 @@ class Problem:
             non_negative("Problem", "self_collision", self_collision),
         )
         self.initial: InitialState = parse_initial(model, self.world, initial)
-        self.terms: list[_Term] = []
+        self.terms: list[Term] = []
         self._check_grid()
 
     def _check_grid(self) -> None:
@@ -161,7 +161,7 @@ class Problem:
         """Magnitude of gravity [m/s²]."""
         return float(np.linalg.norm(self.world.gravity))
 
-    def add(self, *terms: _Term) -> Problem:
+    def add(self, *terms: Term) -> Problem:
         """Add terms to the objective.
 
         Parameters
@@ -188,7 +188,7 @@ class Problem:
         ...
         trajopt.errors.ArgumentError: CenterOfMassVelocity: start = 2 s lies behind the end at 1 s
         """
-        from trajopt.objectives import _Term
+        from trajopt.objectives.base import Term
         from trajopt.terms import TermBuilder
 
         for term in terms:
@@ -197,7 +197,7 @@ class Problem:
                     f"Problem.add: got a {type(term).__name__} of terms; unpack it with a star: "
                     "problem.add(*regularizers())"
                 )
-            if not isinstance(term, _Term):
+            if not isinstance(term, Term):
                 raise ArgumentTypeError(
                     "Problem.add: expected a term of trajopt.objectives, got "
                     f"{type(term).__name__}; terms are objects, such as ControlEffort(weight=0.1)"

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.finite import check_start
+from trajopt.guess import first_guess
 from trajopt.methods import CoreResult
 from trajopt.records import IterationRecord
 from trajopt.refinement import interval_errors, refine_until
@@ -27,6 +28,8 @@ from trajopt.transcription import Stage, Transcription
 __all__ = ["Pass", "Passes", "drive", "passes"]
 
 FloatArray = NDArray[np.float64]
+
+UNMET = 0.2  # share of its cost at rest above which a task counts as not done
 
 
 @dataclass
@@ -43,10 +46,12 @@ class _Run:
     started: float = field(default_factory=time.perf_counter)
     stage_index: int = 0
     stage: Stage = field(default_factory=Stage)
+    ordering: str = "auto"  # once a pass has begun: the one that the core took
 
     def record(self, values: dict[str, Any], elapsed: float, snapshot: Any) -> IterationRecord:
         """The core's record as ours, numbered through; it joins the history."""
         names = self.transcription.term_names
+        self.ordering = values["ordering"]
         record = IterationRecord(
             iteration=self.iterations + values["iteration"] + 1,
             stage=self.stage_index,
@@ -81,7 +86,7 @@ class _Run:
             seconds=time.perf_counter() - self.started,
             history=list(self.history),
             seed=self.seed,
-            ordering=self.settings.ordering,
+            ordering=self.ordering,
             device=self.settings.device,
             settings={"method": self.settings.method, "stage": self.stage_index},
         )
@@ -184,7 +189,7 @@ def _stages(
         initial = transcription.initial_frames(stage)
         core = transcription.core_problem(stage, initial)
         if guess is None:
-            frames = transcription.still(initial)
+            frames = first_guess(run.settings, transcription.problem, transcription.still(initial))
             state = core.state_from_frames(transcription.to_core(frames))
             rng = np.random.default_rng(run.seed)
             state = _perturb(transcription, core, state, transcription.noise(rng, noise))
@@ -196,15 +201,34 @@ def _stages(
         budget = limit - len(run.history)
         if stage.iterations is not None and not last:
             budget = min(budget, stage.iterations)
-        name, message, count, state = yield Pass(core, state, max(budget, 1), last, run)
-        run.iterations += count
-        status = Status(name)
+        found = yield Pass(core, state, max(budget, 1), last, run)
+        state, run.ordering = found.state, found.ordering
+        run.iterations += found.iterations
+        status = Status(found.status)
         if last or status in (Status.INTERRUPTED, Status.NUMERICAL_FAILURE):
             break
         guess = transcription.to_si(core.evaluate(state)["frames"])[2:]
         if len(run.history) >= limit:
             break
+    message = found.message
+    if status is Status.SOLVED:
+        message += unmet_tasks(transcription, core, state, stage)
     return run.solution(core, state, status, message, stage)
+
+
+def unmet_tasks(transcription: Transcription, core: Any, state: FloatArray, stage: Stage) -> str:
+    """Return what to add to the message of a solve that ended with its tasks largely undone."""
+    values = dict(zip(transcription.term_names, core.evaluate(state)["terms"], strict=True))
+    shares = [
+        f"{label} still costs {100 * share:.0f} % of what it costs at rest"
+        for label, weight in transcription.task_weights(stage).items()
+        if (share := values.get(label, 0.0) / weight) > UNMET
+    ]
+    if not shares:
+        return ""
+    return (
+        f"; {', '.join(shares)}: perhaps a poor local minimum, which another seed or guess avoids"
+    )
 
 
 def _refine(run: _Run, solution: Solution, tolerance: float) -> Passes:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trajopt.checks import choice, non_negative, positive, whole
-from trajopt.devices import choose_device
+from trajopt.devices import check_threads, choose_device
 from trajopt.errors import ArgumentError, ArgumentTypeError, DeviceError
+from trajopt.guess import asked_velocity
 from trajopt.methods import METHODS, paper_problem
 from trajopt.status import Status
 from trajopt.transcription import Stage, term_labels
@@ -25,6 +26,7 @@ __all__ = ["Settings", "Task", "check_factors", "make_settings", "make_task"]
 FloatArray = NDArray[np.float64]
 
 MAX_ITERATIONS = 1000
+GUESSES = ("auto", "still", "gliding")
 ORDERINGS = ("auto", "frontal", "sequential", "cyclic", "chunked")
 
 
@@ -38,6 +40,7 @@ class Settings:
     tolerance: float
     constraint_tolerance: float
     noise: float
+    guess: str
     stages: tuple[Stage, ...] | None
     ordering: str
     refine: float | None
@@ -68,16 +71,18 @@ def make_settings(
     *,
     method: str,
     device: str,
+    threads: int | None,
     max_iterations: int | None,
     tolerance: float,
     constraint_tolerance: float,
     noise: float,
+    guess: str,
     stages: Sequence[Stage] | None,
     ordering: str,
     refine: float | None,
     max_refinements: int,
 ) -> Settings:
-    """Check options; `owner` is the function that errors name.
+    """Check options; `owner` is the function that errors name. `threads` is checked only.
 
     Raises
     ------
@@ -86,6 +91,9 @@ def make_settings(
     """
     choice(owner, "method", method, METHODS)
     choice(owner, "ordering", ordering, ORDERINGS)
+    if threads is not None:
+        whole(owner, "threads", threads, 1)
+    check_threads(owner, device, threads)
     # A GPU only when it is asked for.
     device = "cpu" if device == "auto" else choose_device(device)
     if device == "cuda" and method != "default":
@@ -96,6 +104,7 @@ def make_settings(
     positive(owner, "tolerance", tolerance)
     positive(owner, "constraint_tolerance", constraint_tolerance)
     non_negative(owner, "noise", noise)
+    choice(owner, "guess", guess, GUESSES)
     if refine is not None:
         positive(owner, "refine", refine)
     if stages is not None and not (
@@ -109,6 +118,7 @@ def make_settings(
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
         noise=noise,
+        guess=guess,
         stages=None if stages is None else tuple(stages),
         ordering=ordering,
         refine=refine,
@@ -154,6 +164,11 @@ def make_task(
             f"{owner}: {where}refine needs frames that are not periodic, not {kind}"
         )
     _check_ordering(f"{owner}: {what}: " if index else f"{owner}: ", settings, problem)
+    if settings.guess == "gliding" and warm_start is None and asked_velocity(problem) is None:
+        raise ArgumentError(
+            f"{owner}: {f'{what}: ' if index else ''}guess = 'gliding' needs a "
+            "CenterOfMassVelocity with a weight > 0 and a model whose base can slide"
+        )
     stages = settings.stages or METHODS[settings.method].stages
     check_factors(f"{owner}: {what}: " if index else f"{owner}: ", problem, stages)
     passes = list(enumerate(stages))

@@ -83,7 +83,9 @@ class Solution:
     device : str
         Where it ran: ``cpu`` or ``cuda``.
     ordering : str
-        Elimination order of the KKT system that was asked for; ``auto`` left it to the solver.
+        Elimination order of the KKT system: ``frontal``, ``sequential``, ``cyclic`` or
+        ``chunked``; of several passes, the last one's. A motion that no solver found says
+        ``auto``, as older files may.
     seed : int
         Seed of the noise on the start.
     history : list of IterationRecord
@@ -152,7 +154,8 @@ class Solution:
         dict
             ``status``, ``message``, ``iterations``, ``objective``, ``constraint_violation``
             [N, N·m], ``frame_violation_max``, ``frame_violation_rms``, ``fine_violation_rms``
-            (shares of the body weight), ``body_weight`` [N], ``seconds`` [s], ``device``.
+            (shares of the body weight), ``body_weight`` [N], ``seconds`` [s], ``device``,
+            ``ordering``.
             Figures that are not known are None.
         """
         weight = self.body_weight
@@ -168,6 +171,7 @@ class Solution:
             "body_weight": _number(weight),
             "seconds": self.seconds,
             "device": self.device,
+            "ordering": self.ordering,
         }
 
     def audit(self) -> Audit:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from trajopt import _core
-from trajopt.checks import whole
 from trajopt.errors import ArgumentTypeError
 from trajopt.interrupt import InterruptFlag
 from trajopt.methods import run_core
@@ -38,6 +37,7 @@ def solve(
     ordering: str = "auto",
     refine: float | None = None,
     max_refinements: int = 3,
+    guess: str = "auto",
 ) -> Solution:
     """Find a motion.
 
@@ -61,13 +61,14 @@ def solve(
     seed : int
         Seed of the noise on the start.
     threads : int, optional
-        All processors by default. The result has the same bits for every number.
+        Of the processor, by default all it has; an error with ``device="cuda"``. The result has the
+        same bits for every number.
     tolerance : float
         Solved when the objective falls by less than this share in ten iterations ...
     constraint_tolerance : float
         ... and ‖C‖∞ is below this many body weights.
     noise : float
-        Amplitude of the noise on the settled start [lengths, rad].
+        Amplitude of the noise on the guess [lengths, rad].
     stages : sequence of Stage, optional
         Passes of the solve. A warm start goes on in the pass where it was cut off; a motion that
         was solved runs only the last.
@@ -79,6 +80,11 @@ def solve(
         weight, and solve again.
     max_refinements : int
         Limit of such passes.
+    guess : {"auto", "still", "gliding"}
+        Where to start without a `warm_start`: at rest, or gliding in the start pose at the velocity
+        that `CenterOfMassVelocity` asks for. ``"auto"`` is at rest, but for a way of more than 15
+        characteristic lengths by the default method. Tasks are scaled by their cost at rest in any
+        case.
 
     Returns
     -------
@@ -94,10 +100,12 @@ def solve(
         "solve",
         method=method,
         device=device,
+        threads=threads,
         max_iterations=max_iterations,
         tolerance=tolerance,
         constraint_tolerance=constraint_tolerance,
         noise=noise,
+        guess=guess,
         stages=stages,
         ordering=ordering,
         refine=refine,
@@ -105,8 +113,6 @@ def solve(
     )
     if callback is not None and not callable(callback):
         raise ArgumentTypeError(f"solve: callback must be callable, not {callback!r}")
-    if threads is not None:
-        whole("solve", "threads", threads, 1)
     task = make_task("solve", settings, problem, warm_start, seed)
     with InterruptFlag() as interrupt:
         cores = threads or _core.hardware_threads()

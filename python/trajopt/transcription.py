@@ -206,6 +206,15 @@ class Transcription:
             reached = not UNREACHED < cost < np.inf  # what is not finite is for check_start to name
             self.factors[label] = 1.0 if reached else term.weight / cost  # type: ignore[attr-defined]
 
+    def task_weights(self, stage: Stage) -> dict[str, float]:
+        """What the tasks cost at rest, where they were scaled to cost it, in a stage."""
+        factors = self.factors or {}
+        return {
+            label: term.weight * stage.factors.get(label, 1.0)  # type: ignore[attr-defined]
+            for label, term in zip(term_labels(self.problem), self.problem.terms, strict=True)
+            if factors.get(label, 1.0) != 1.0 and stage.factors.get(label, 1.0) > 0
+        }
+
     def _term_values(self, core: Any, guess: FloatArray) -> tuple[list[str], list[float]]:
         state = core.state_from_frames(self.to_core(guess))
         return self.term_names, list(core.evaluate(state)["terms"])
@@ -247,7 +256,7 @@ class Transcription:
         problem = self.problem
         frames = np.tile(initial[1], (problem.frames, 1))
         if problem.periodic:
-            moved = _leading_slides(problem.model)
+            moved = leading_slides(problem.model)
             share = problem.times[:, None] / problem.duration
             frames[:, :moved] += share * problem.stride[:moved]
         return frames
@@ -275,7 +284,7 @@ class Transcription:
         return x
 
 
-def _leading_slides(model: Model) -> int:
+def leading_slides(model: Model) -> int:
     """Return how many of the first three coordinates are slides: those a stride moves."""
     count = 0
     while count < min(3, len(model.joint_type)) and model.joint_type[count] == SLIDE:

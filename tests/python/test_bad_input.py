@@ -115,6 +115,14 @@ MISTAKES = {
         "[solver]: method = 'magic', expected one",
     ),
     "unknown ordering": ({"extra": '[solver]\nordering = "any"'}, "ordering = 'any', expected"),
+    "device of a scenario": (
+        {"extra": '[solver]\ndevice = "cuda"'},
+        "unknown key in [solver] 'device'",
+    ),
+    "threads of a scenario": (
+        {"extra": "[solver]\nthreads = 2"},
+        "unknown key in [solver] 'threads'",
+    ),
     "no iterations": (
         {"extra": "[solver]\nmax_iterations = 0"},
         "[solver]: max_iterations must be a whole",

@@ -99,6 +99,8 @@ def test_any_shape_method_and_option():
     options["stages"] = [Stage(stiffness=0.1, iterations=4), Stage()]
     found = trajopt.solve_batch(mixed, **options)
     assert_same(found, [trajopt.solve(p, threads=1, **options) for p in mixed])
+    unasked = trajopt.solve_batch(mixed, max_iterations=1)
+    assert [s.ordering for s in unasked] == ["frontal", "chunked", "sequential"]
     spline = [make(0.2, frames_per_knot=5)]
     paper = trajopt.solve_batch(spline, method="paper", max_iterations=5)
     assert_same(paper, [trajopt.solve(spline[0], "paper", threads=1, max_iterations=5)])
@@ -211,6 +213,21 @@ def test_a_failing_problem_does_not_lose_the_others(elsewhere):
     assert "1 of 3 problems failed: problems[1]: ArgumentError: solve: term 'far'" in str(error)
     assert error.solutions[1] is None
     assert_same([error.solutions[0], error.solutions[2]], [alone()[0], alone()[2]])
+
+
+def test_what_the_core_refuses_is_the_same_error_as_alone(monkeypatch):
+    # A check that Python lacks: the core finds it out by itself.
+    monkeypatch.setattr("trajopt.settings._check_ordering", lambda *_: None)
+    ring = make(0.1, duration=0.6, periodic=True)
+    options = {"ordering": "frontal", "max_iterations": 2}
+    with pytest.raises(trajopt.ArgumentError, match="expected formulation frames") as single:
+        trajopt.solve(ring, threads=1, **options)
+    with pytest.raises(trajopt.BatchError) as batch:
+        trajopt.solve_batch([make(0.1), ring], **options)
+    error = batch.value.errors[1]
+    assert (type(error), str(error)) == (type(single.value), str(single.value))
+    assert isinstance(error, ValueError)
+    assert batch.value.solutions[0].iterations == 2
 
 
 def test_a_callback_stops_one_problem_or_fails_it():

@@ -26,6 +26,7 @@ JSON_KEYS = {
     "body_weight",
     "seconds",
     "device",
+    "ordering",
     "out",
 }
 
@@ -95,6 +96,7 @@ def test_solve_writes_a_file_and_one_json_object(
     assert err == ""
     assert figures["out"] == str(target)
     assert figures["iterations"] <= 3
+    assert figures["ordering"] == "frontal"
     assert code == (0 if figures["status"] == "solved" else 1)
     solution = trajopt.Solution.load(target)
     assert str(solution.status) == figures["status"]

@@ -116,7 +116,7 @@ def test_gradient_with_a_callback_term(formulation):
 def test_paper_keeps_its_records(formulation):
     problem, state = make_problem(formulation)
     records = []
-    status, message, iterations, final = _core.solve_paper(
+    status, message, iterations, final, _ = _core.solve_paper(
         problem,
         state,
         lambda record, _: records.append(record),
@@ -137,9 +137,18 @@ def test_paper_keeps_its_records(formulation):
     assert records[-1]["constraint_violation"] < 0.1 * start["constraint_norm"]
 
 
+@pytest.mark.parametrize(
+    ("solve", "ordering"), [(_core.solve_funnel, "frontal"), (_core.solve_paper, "chunked")]
+)
+def test_the_ordering_is_named_where_no_iteration_was_made(solve, ordering):
+    problem, state = make_problem()
+    status, _, iterations, _, used = solve(problem, np.nan * state)
+    assert (status, iterations, used) == ("numerical_failure", 0, ordering)
+
+
 def test_paper_says_why_it_never_moved():
     problem, state = make_problem("spline")
-    status, message, _, final = _core.solve_paper(problem, state, constraint_limit=1e-12)
+    status, message, _, final, _ = _core.solve_paper(problem, state, constraint_limit=1e-12)
     assert status == "stalled"
     assert "C_max" in message
     np.testing.assert_array_equal(final, state)
@@ -147,7 +156,7 @@ def test_paper_says_why_it_never_moved():
 
 def test_observer_stops_the_paper_solver():
     problem, state = make_problem()
-    status, _, iterations, _ = _core.solve_paper(problem, state, lambda r, _: r["iteration"] < 4)
+    status, _, iterations, *_ = _core.solve_paper(problem, state, lambda r, _: r["iteration"] < 4)
     assert (status, iterations) == ("interrupted", 5)
 
 

@@ -46,6 +46,14 @@ def test_auto_takes_the_gpu(monkeypatch):
     assert choose_device("cpu") == "cpu"
 
 
+@pytest.mark.parametrize("reason", ["", "the moon is full"])
+def test_threads_are_not_for_a_gpu(monkeypatch, reason):
+    pretend(monkeypatch, reason)
+    with pytest.raises(trajopt.ArgumentError, match="factor: threads = 2 with device = 'cuda'"):
+        MATRIX.factor(device="cuda", threads=2)
+    assert MATRIX.factor(device="cpu", threads=2).device == "cpu"
+
+
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_precision_does_not_choose_the_device(monkeypatch, precision):
     asked = []

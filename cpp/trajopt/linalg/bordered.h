@@ -42,6 +42,7 @@ class BorderedFactorization {
   int blocks() const { return inner_.blocks(); }
   int size() const { return inner_.size(); }
   int border() const { return border_; }
+  Ordering ordering() const { return inner_.ordering(); }  // never automatic
 
  private:
   long rows() const { return static_cast<long>(inner_.blocks()) * inner_.size(); }

@@ -1,6 +1,7 @@
 #include "trajopt/problem/kkt_system.h"
 
 #include <algorithm>
+#include <string>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
@@ -27,7 +28,6 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
       size_(2 * (primal_ + dual_)),
       threads_(std::max(problem.options().threads, 1)),
       ring_(problem.options().periodic),
-      ordering_(ordering),
       matrix_(ordering == Ordering::frontal ? 1 : (ring_ ? blocks_ - 1 : blocks_), size_),
       signs_(rows(), 1) {
   for (int node = 0; node < nodes_; ++node)
@@ -49,10 +49,12 @@ KktSystem::KktSystem(const TrajectoryProblem& problem, double smoothing, Orderin
 }
 
 Ordering KktSystem::ordering() const {
-  return ring_ || frontal_ ? ordering_ : factorization_->ordering();
+  if (frontal_) return Ordering::frontal;
+  return ring_ ? bordered_->ordering() : factorization_->ordering();
 }
 
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
+  check_form(lin, identity);
   if (frontal_) {
     if (identity || lin.node_rows.empty())
       throw ArgumentError("assemble: a frontal system is one of a linearization by nodes, with H");
@@ -69,6 +71,23 @@ void KktSystem::assemble(const Linearization& lin, double damping, bool identity
     for (int i = size_ / 2; i < size_; ++i) d[static_cast<long>(i) * size_ + i] = 1;
   }
   assemble_frames(lin, damping, identity);
+}
+
+void KktSystem::check_form(const Linearization& lin, bool identity) const {
+  if (lin.by_nodes != (frontal_ != nullptr)) {
+    throw ArgumentError(frontal_ ? "by_nodes = false, expected true: ordering 'frontal' eliminates "
+                                   "a linearization by nodes"
+                                 : "by_nodes = true, expected false: only ordering 'frontal' "
+                                   "eliminates a linearization by nodes");
+  }
+  if (!frontal_) return;
+  if (identity) throw ArgumentError("identity = true, expected false: ordering 'frontal' needs H");
+  const std::size_t expected = nodes_ * NodeRows{nodes_, primal_, dual_, 0, 0, nullptr}.length();
+  if (lin.node_rows.size() < expected) {
+    throw ArgumentError("node_rows holds " + std::to_string(lin.node_rows.size()) +
+                        " numbers, expected at least " + std::to_string(expected) + " of " +
+                        std::to_string(nodes_) + " nodes: linearize() writes them");
+  }
 }
 
 void KktSystem::assemble_frames(const Linearization& lin, double damping, bool identity) {

@@ -46,7 +46,8 @@ class KktSystem {
   static bool frontal_possible(const TrajectoryProblem& problem);
 
   // Writes H + damping W and A. Without lin's Hessian (identity = true; not frontal) writes
-  // [W A^T; A 0]. A frontal system reads `lin` until the next call.
+  // [W A^T; A 0]. A frontal system reads `lin` until the next call; it and no other wants a
+  // linearization by nodes. Throws ArgumentError where `lin` is not in the form it reads.
   void assemble(const Linearization& lin, double damping, bool identity = false);
 
   // Factors with -epsilon on the multiplier diagonal; throws FactorizationError.
@@ -69,9 +70,10 @@ class KktSystem {
     return {nodes_, primal_, dual_, ring_, smoothing_, gradient, constraint, steps};
   }
 
-  linalg::Ordering ordering() const;
+  linalg::Ordering ordering() const;  // never automatic
 
  private:
+  void check_form(const Linearization& lin, bool identity) const;
   void assemble_frames(const Linearization& lin, double damping, bool identity);
   void shift_multipliers(double by);  // adds to their diagonal
   void assemble_spline(const Linearization& lin, double damping, bool identity);
@@ -83,7 +85,6 @@ class KktSystem {
   double smoothing_;
   int nodes_, primal_, dual_, blocks_, size_, threads_;
   bool ring_;
-  linalg::Ordering ordering_;
   std::unique_ptr<FrontalKkt> frontal_;
   NodeRows node_rows_{};                      // of a frontal system; the others have
   linalg::SymmetricBlockTridiagonal matrix_;  // a ring keeps its last block in the border

@@ -19,7 +19,7 @@ class CpuExecutor final : public SqpExecutor {
       : problem_(problem),
         options_(options),
         kernels_(node_kernels()),
-        kkt_(problem, options.smoothing, ordering(problem, options)),
+        kkt_(problem, options.smoothing, choose(problem, options.ordering)),
         state_(state),
         solution_(2 * kkt_.rows()),
         correction_(kkt_.rows()),
@@ -58,6 +58,7 @@ class CpuExecutor final : public SqpExecutor {
 
   const std::vector<double>& terms() const override { return current_.terms; }
   const State& state() override { return state_; }
+  linalg::Ordering ordering() const override { return kkt_.ordering(); }
   const std::string& error() const override { return error_; }
   void undo_correction() override { at_ = 1 - at_; }
   PhaseSeconds take_seconds() override { return std::exchange(seconds_, {}); }
@@ -69,11 +70,9 @@ class CpuExecutor final : public SqpExecutor {
     Evaluation point;
   };
 
-  static linalg::Ordering ordering(const TrajectoryProblem& problem,
-                                   const ExecutorOptions& options) {
-    const bool automatic = options.ordering == linalg::Ordering::automatic;
-    return automatic && KktSystem::frontal_possible(problem) ? linalg::Ordering::frontal
-                                                             : options.ordering;
+  static linalg::Ordering choose(const TrajectoryProblem& problem, linalg::Ordering asked) {
+    const bool automatic = asked == linalg::Ordering::automatic;
+    return automatic && KktSystem::frontal_possible(problem) ? linalg::Ordering::frontal : asked;
   }
 
   Trial& trial() { return trials_[at_]; }

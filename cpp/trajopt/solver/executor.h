@@ -81,6 +81,8 @@ class SqpPoint {
   virtual const std::vector<double>& terms() const = 0;
   // The current point, in the vector the executor was made with.
   virtual const State& state() = 0;
+  // Elimination order of the KKT matrix; never automatic.
+  virtual linalg::Ordering ordering() const = 0;
   // Of the last factorization that failed.
   virtual const std::string& error() const = 0;
   // The trial before the last correction is the trial again.

@@ -14,7 +14,8 @@
 //     which begin as zeros; of a ring the last of the blocks is the border. After
 //     list(listed, places) factor(), solve(x, m), reserve(m) and refine(rhs, x, m, steps,
 //     tolerance) are launches for listed[0] problems, those in listed[1] on. failed(), in device
-//     memory, holds kNever or anything else by problem; failure(problem) then says why
+//     memory, holds kNever or anything else by problem; failure(problem) then says why.
+//     ordering() is the one taken, never automatic
 //
 // The CUDA device is in cuda/trajopt/cuda/solver; tests have one that runs every launch on the
 // processor. Both give the bits of the processor's executor for the same elimination order.
@@ -90,6 +91,7 @@ class FramesExecutor final : public BatchExecutor {
       moved = false;
       return host;
     }
+    linalg::Ordering ordering() const override { return owner.solver_.ordering(); }
     const std::string& error() const override { return text; }
     void undo_correction() override { trial = 1 - trial; }
     // The solution of the steps counts as factorization, a correction with its trial as dynamics.

@@ -57,6 +57,7 @@ const Request& Funnel::resume(const Answer& answer) {
 const Request& Funnel::next() {
   if (run_->done()) {
     result_ = run_->result();
+    result_->ordering = point_.ordering();
     request_ = {};
   }
   return request_;
@@ -208,6 +209,7 @@ bool Funnel::report() {
   record_.frame_violation = current_.frame_violation;
   record_.penalty = funnel_;
   record_.elapsed = watch_.total();
+  record_.ordering = point_.ordering();
   if (!report_ || report_(record_, point_)) return true;
   stop_ = {Status::interrupted,
            format("stopped on request; objective %.6g, |C| = %.2e body weights", current_.objective,

@@ -53,6 +53,13 @@ class PaperSolver {
   }
 
   Result run() {
+    Result result = search();
+    result.ordering = newton_.ordering();
+    return result;
+  }
+
+ private:
+  Result search() {
     linearize();
     first_violation_ = current_.constraint_norm;
     if (!std::isfinite(current_.objective) || !std::isfinite(current_.frame_violation)) {
@@ -74,7 +81,6 @@ class PaperSolver {
             options_.max_iterations};
   }
 
- private:
   // Line 3. A rejected step leaves the linearization, and its factorizations, as they are.
   void linearize() {
     problem_.linearize(state_, 0.0, current_, lin_);
@@ -316,6 +322,7 @@ class PaperSolver {
     record_.constraint_norm = current_.constraint_norm;
     record_.frame_violation = current_.frame_violation;
     record_.elapsed = watch_.total();
+    record_.ordering = newton_.ordering();
     return !observer_ || observer_(record_, state_);
   }
 

@@ -39,6 +39,7 @@ struct IterationRecord {
   bool accepted = false;
   PhaseSeconds seconds;
   double elapsed = 0;
+  linalg::Ordering ordering = linalg::Ordering::automatic;  // what `automatic` became
 };
 
 // Called after every iteration with the current (best) state; false stops the solver.
@@ -48,6 +49,7 @@ struct Result {
   Status status = Status::max_iterations;
   std::string message;
   int iterations = 0;
+  linalg::Ordering ordering = linalg::Ordering::automatic;  // what `automatic` became
 };
 
 }  // namespace trajopt

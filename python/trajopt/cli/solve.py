@@ -117,8 +117,8 @@ def _report(solution: Solution, target: Path, *, as_json: bool) -> None:
         return
     typer.echo(f"{solution.status}: {solution.message}")
     typer.echo(
-        f"  {figures['iterations']} iterations, {figures['seconds']:.1f} s,"
-        f" objective {solution.objective:.6g}"
+        f"  {figures['iterations']} iterations, {figures['seconds']:.1f} s on"
+        f" {solution.device} ({solution.ordering} elimination), objective {solution.objective:.6g}"
     )
     terms = sorted(solution.objective_terms.items(), key=lambda item: -item[1])
     typer.echo("  of which " + ", ".join(f"{name} {value:.3g}" for name, value in terms if value))

@@ -81,11 +81,14 @@ def solve_once(
 def _fits(assembly: Assembly, result: Mapping[str, Any]) -> bool:
     """Return whether an earlier result has the unknowns and constraints of this program."""
     nlp, multipliers = assembly.nlp, result["multipliers"]
-    shapes = nlp.c_lower.shape, nlp.last_lower.shape, nlp.w_guess.shape, nlp.p_guess.shape
-    names = ("stage", "last", "bounds", "p_bounds")
-    return all(
-        np.shape(multipliers[name]) == shape for name, shape in zip(names, shapes, strict=True)
-    )
+    expected = {
+        "stage": nlp.c_lower,
+        "last": nlp.last_lower,
+        "glob": nlp.glob_lower,
+        "bounds": nlp.w_guess,
+        "p_bounds": nlp.p_guess,
+    }
+    return all(np.shape(multipliers[name]) == np.shape(like) for name, like in expected.items())
 
 
 def _phase_times(assembly: Assembly, p: FloatArray) -> dict[str, FloatArray]:

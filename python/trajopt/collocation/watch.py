@@ -63,7 +63,8 @@ class Watch:
 class IpoptWatch(casadi.Callback):
     """IPOPT's ``iteration_callback``: keeps the iterate, and asks a `Watch`.
 
-    Without a callback of the user an iteration costs a copy of the unknowns.
+    Without a callback of the user an iteration costs a copy of the unknowns. With one, CasADi
+    copies its statistics of all iterations so far, of which the last row is taken.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ class IpoptWatch(casadi.Callback):
                 results[0][:] = _STOP
             return 0
         try:
-            record = iteration_rows(self.solver.stats(), self.elapsed)[-1]
+            record = iteration_rows(self.solver.stats(), self.elapsed, only_last=True)[0]
             if not self._watch.go_on(record, self._unpack(self.last_iterate())):
                 results[0][:] = _STOP
         except KeyboardInterrupt:
@@ -135,8 +136,10 @@ class IpoptWatch(casadi.Callback):
         return np.frombuffer(self._iterate, dtype=np.float64)
 
 
-def iteration_rows(stats: Mapping[str, Any], elapsed: list[float]) -> list[dict[str, Any]]:
-    """Return one record per iteration, by the names of the native solver's."""
+def iteration_rows(
+    stats: Mapping[str, Any], elapsed: list[float], *, only_last: bool = False
+) -> list[dict[str, Any]]:
+    """Return one record per iteration, or the last one's, by the names of the native solver's."""
     columns = stats.get("iterations") or {}
     kept = {_COLUMNS[name]: values for name, values in columns.items() if name in _COLUMNS}
     count = min((len(values) for values in kept.values()), default=0)
@@ -146,5 +149,5 @@ def iteration_rows(stats: Mapping[str, Any], elapsed: list[float]) -> list[dict[
             **{name: float(values[i]) for name, values in kept.items()},
             **({"elapsed": elapsed[i]} if i < len(elapsed) else {}),
         }
-        for i in range(count)
+        for i in range(count - 1 if only_last and count else 0, count)
     ]

@@ -22,6 +22,8 @@ _LIBRARIES = tuple(
     str(path)
     for path in {
         Path(__file__).parents[1],
+        # Where they are: not always in this environment's own folders.
+        *(Path(module.__path__[0]) for module in (np, casadi)),
         *(Path(sysconfig.get_path(kind)) for kind in ("stdlib", "purelib", "platlib")),
     }
 )

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "problem/fixtures.h"
+#include "solver/flight.h"
 #include "solver/functions.h"
 #include "trajopt/base/error.h"
 #include "trajopt/problem/node_kernels.h"
@@ -69,6 +70,35 @@ Columns dense_solve(const Columns& a, const Columns& b) {
     }
   }
   return x;
+}
+
+template <class Call>
+std::string refusal(const Call& call) {
+  try {
+    call();
+  } catch (const ArgumentError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+// A linearization in the form of another ordering would be read beyond its end.
+TEST(KktForm, ALinearizationInAnotherFormIsRefused) {
+  const Linearized blocks = linearize(test::make_flight(Formulation::frames));
+  const Linearized nodes = linearize(test::make_flight(Formulation::frames), 0, Ordering::frontal);
+  KktSystem frontal(*nodes.c.problem, 60.0, Ordering::frontal);
+  KktSystem cyclic(*blocks.c.problem, 60.0, Ordering::cyclic);
+  Linearization none;
+  none.by_nodes = true;
+  EXPECT_EQ(refusal([&] { frontal.assemble(nodes.lin, 0.1); }), "");
+  EXPECT_EQ(refusal([&] { cyclic.assemble(blocks.lin, 0.1); }), "");
+  const std::pair<std::string, std::string> wrong[] = {
+      {refusal([&] { frontal.assemble(blocks.lin, 0.1); }), "by_nodes = false"},
+      {refusal([&] { cyclic.assemble(nodes.lin, 0.1); }), "by_nodes = true"},
+      {refusal([&] { frontal.assemble(nodes.lin, 0.1, true); }), "identity = true"},
+      {refusal([&] { frontal.assemble(none, 0.1); }), "node_rows holds 0 numbers"},
+  };
+  for (const auto& [message, words] : wrong) EXPECT_EQ(message.find(words), 0u) << message;
 }
 
 class Kkt : public testing::TestWithParam<test::Named> {};

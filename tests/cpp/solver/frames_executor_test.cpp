@@ -31,6 +31,7 @@ std::vector<IterationRecord> compare(const std::function<test::Case()>& make,
   const Result a = solve_funnel(executor, options, on_device.observer());
   EXPECT_EQ(a.status, e.status) << a.message << "; on the processor: " << e.message;
   EXPECT_EQ(a.message, e.message);
+  EXPECT_EQ(a.ordering, e.ordering);
   test::expect_same_records(on_device.records, on_cpu.records);
   test::expect_same_state(actual.state, expected.state);
   return on_cpu.records;

@@ -54,6 +54,28 @@ TEST_P(FunnelSqp, RefusesNotANumber) {
   EXPECT_EQ(solve_funnel(*c.problem, {}, c.state, {}).status, Status::numerical_failure);
 }
 
+// In the result and in every record, also where nothing was factored.
+TEST_P(FunnelSqp, NamesTheOrderingItTook) {
+  using linalg::Ordering;
+  const bool frames = GetParam() == Formulation::frames;
+  for (Ordering asked : {Ordering::automatic, Ordering::cyclic}) {
+    test::Case c = test::make_flight(GetParam());
+    test::Recorder recorder;
+    FunnelOptions options;
+    options.max_iterations = 2;
+    options.ordering = asked;
+    const Result result = solve_funnel(*c.problem, options, c.state, recorder.observer());
+    const Ordering expected = asked == Ordering::cyclic ? asked
+                              : frames                  ? Ordering::frontal
+                                                        : Ordering::sequential;  // two blocks
+    EXPECT_EQ(result.ordering, expected) << linalg::ordering_name(result.ordering);
+    ASSERT_FALSE(recorder.records.empty());
+    for (const IterationRecord& r : recorder.records) EXPECT_EQ(r.ordering, expected);
+    c.state[0] = std::nan("");
+    EXPECT_EQ(solve_funnel(*c.problem, options, c.state, {}).ordering, expected);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Formulations, FunnelSqp,
                          testing::Values(Formulation::frames, Formulation::spline),
                          [](const auto& info) {

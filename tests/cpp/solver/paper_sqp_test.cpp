@@ -133,6 +133,17 @@ TEST_P(PaperSqp, RefusesNotANumber) {
   EXPECT_EQ(result.status, Status::numerical_failure);
 }
 
+TEST_P(PaperSqp, NamesTheOrderingItTook) {
+  test::Case c = test::make_flight(GetParam());
+  test::Recorder recorder;
+  PaperOptions options;
+  options.max_iterations = 1;
+  const Result result = solve_paper(*c.problem, options, c.state, recorder.observer());
+  EXPECT_NE(result.ordering, linalg::Ordering::automatic);
+  ASSERT_EQ(recorder.records.size(), 1u);
+  EXPECT_EQ(recorder.records[0].ordering, result.ordering);
+}
+
 INSTANTIATE_TEST_SUITE_P(Formulations, PaperSqp,
                          testing::Values(Formulation::frames, Formulation::spline),
                          [](const auto& info) {

@@ -27,6 +27,7 @@ inline void expect_same_records(const std::vector<IterationRecord>& actual,
     ASSERT_TRUE(same_bits(a.gain_ratio, e.gain_ratio)) << "iteration " << k;
     ASSERT_TRUE(same_bits(a.damping, e.damping)) << "iteration " << k;
     ASSERT_EQ(a.accepted, e.accepted) << "iteration " << k;
+    ASSERT_EQ(a.ordering, e.ordering) << "iteration " << k;
   }
 }
 

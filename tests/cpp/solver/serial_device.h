@@ -135,6 +135,8 @@ class SerialDevice::Solver {
     return {matrix_.diagonal(0), matrix_.lower(0), border_.data(), corner_.data()};
   }
 
+  linalg::Ordering ordering() const { return plan_.ordering; }
+
   void list(const int* listed, int places) {
     s_.listed = listed;
     s_.batch = places;

@@ -114,6 +114,23 @@ def test_warm_start_takes_the_multipliers() -> None:
     assert finer.iterations < cold.iterations
 
 
+@pytest.mark.parametrize("solver", ["ipopt", "native"])
+def test_multipliers_of_other_constraints_on_times_are_not_taken(solver: str) -> None:
+    """Unknown start and duration, the same but for a limit on the end: one constraint more."""
+    stated = {"t0_bounds": (0, 0.5), "tf": None, "terminal": lambda t0, tf, x0, xf: tf}
+    limited = block(**stated, tf_bounds=(1, 2))
+    free = block(**stated, tf_bounds=(-np.inf, np.inf))
+    ends = {name: col.solve(p, solver=solver) for name, p in (("free", free), ("limited", limited))}
+    assert [np.shape(s.result["multipliers"]["glob"]) for s in ends.values()] == [(0,), (1,)]
+    for problem, start, cold in (
+        (limited, ends["free"], ends["limited"]),
+        (free, ends["limited"], ends["free"]),
+    ):
+        warm = col.solve(problem, solver=solver, warm_start=start)
+        assert warm.status is Status.SOLVED
+        assert warm.objective == pytest.approx(cold.objective, abs=1e-6)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_more_equations_than_unknowns(method: str) -> None:
     problem = col.Problem(

@@ -153,6 +153,44 @@ def test_ctrl_c_keeps_the_iterate(solver: str, watched: str) -> None:
     assert 1 <= int(rows) <= 15  # it takes 15 iterations to solve
 
 
+class Read(list[float]):
+    """A column that counts how many of its numbers are looked at."""
+
+    count = 0
+
+    def __getitem__(self, index: Any) -> Any:
+        Read.count += 1
+        return super().__getitem__(index)
+
+
+def test_a_record_costs_the_same_late_as_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted: how many of the numbers that CasADi hands over are made a record of."""
+    make = casadi.nlpsol
+
+    class Solver:
+        def __init__(self, inner: Any) -> None:
+            self.inner = inner
+
+        def __call__(self, **arguments: Any) -> Any:
+            return self.inner(**arguments)
+
+        def stats(self) -> Any:
+            columns = {k: Read(v) for k, v in self.inner.stats()["iterations"].items()}
+            return self.inner.stats() | {"iterations": columns}
+
+    monkeypatch.setattr(casadi, "nlpsol", lambda *given: Solver(make(*given)))
+    monkeypatch.setattr(Read, "count", 0)
+    costs: list[int] = []
+
+    def callback(record: dict[str, Any], _x: np.ndarray) -> None:
+        costs.append(Read.count - sum(costs))
+        assert len(record) == 10
+
+    found = col.solve(cart_pole(), segments=10, callback=callback)
+    assert len(costs) == len(found.history) > 10
+    assert costs == [8] * len(costs)
+
+
 def test_an_insistent_ctrl_c_keeps_the_iterate_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is raised inside of CasADi, which throws the results away."""
     recorder = Recorder()

@@ -60,6 +60,11 @@ def test_same_bits_as_the_cpu_alone(watched):
     assert len(seen) == watched * sum(solution.iterations for solution in found)
 
 
+def test_auto_is_the_ordering_of_a_gpu():
+    found = trajopt.solve_batch([make(0.1), make(0.2)], device="cuda", max_iterations=1)
+    assert {s.ordering for s in found} <= {"cyclic", "chunked"}
+
+
 def test_one_and_none():
     assert trajopt.solve_batch([], device="cuda") == []
     options = {"ordering": "cyclic", "max_iterations": 6}

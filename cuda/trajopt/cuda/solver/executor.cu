@@ -128,6 +128,8 @@ class CudaDevice::Solver {
     return {matrix_.diagonal(), matrix_.lower(), border_.data(), corner_.data()};
   }
 
+  linalg::Ordering ordering() const { return ring_ ? ring_->ordering() : open_->ordering(); }
+
   void list(const int* listed, int places) {
     ring_ ? ring_->list(listed, places) : open_->list(listed, places);
   }
