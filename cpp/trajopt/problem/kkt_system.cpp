@@ -56,8 +56,6 @@ Ordering KktSystem::ordering() const {
 void KktSystem::assemble(const Linearization& lin, double damping, bool identity) {
   check_form(lin, identity);
   if (frontal_) {
-    if (identity || lin.node_rows.empty())
-      throw ArgumentError("assemble: a frontal system is one of a linearization by nodes, with H");
     node_rows_ = {nodes_, primal_, dual_, smoothing_, damping, lin.node_rows.data()};
     return;
   }
