@@ -137,6 +137,8 @@ void FrontalKkt::solve(double* x, int m, int threads) {
 }
 
 void FrontalKkt::finish(double* x, int m, int threads) {
+  if (!factored_)
+    throw ArgumentError("finish: nothing is begun, factor_and_begin() has to succeed");
   solve_root(x, m);
   const FrontSweep* sweeps[] = {&up_, &down_};
   double* kept[] = {kept_up_.data(), kept_down_.data()};
@@ -190,10 +192,10 @@ void FrontalKkt::residual_of_chunk(const NodeRows& rows, const double* rhs, cons
   for (long i = begin; i < end + 2; ++i) {
     if (i < nodes_) {
       read(x + i * node, width_, xs + kept);
-      if (i < end) {
-        read(rhs != nullptr ? rhs + i * node : x, width_, sums + kept);
-        if (rhs == nullptr)
-          for (int j = 0; j < count; ++j) std::fill_n(sums + j * ld + kept, width_, 0.0);
+      if (i < end && rhs != nullptr) {
+        read(rhs + i * node, width_, sums + kept);
+      } else {
+        for (int j = 0; j < count; ++j) std::fill_n(sums + j * ld + kept, width_, 0.0);
       }
       products_.subtract_lower(kept, width_, rows.row(i, 0), columns, xs, ld, sums, ld, lanes,
                                count);

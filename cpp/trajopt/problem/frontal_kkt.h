@@ -33,7 +33,7 @@ class FrontalKkt {
   void factor(const NodeRows& rows, double epsilon, int threads);
 
   // The same with the first half of solve(x, m), which then reads the factors while they are in
-  // cache; the second half. A factorization that fails leaves x undefined.
+  // cache, and the second half. A factorization that fails leaves x undefined.
   void factor_and_begin(const NodeRows& rows, double epsilon, double* x, int m, int threads);
   void finish(double* x, int m, int threads);
 
