@@ -249,6 +249,8 @@ TEST_P(Frontal, AFailureLeavesNoTrace) {
     EXPECT_THROW(used.factor(unknown.rows, kEpsilon, 1), FactorizationError);
     std::vector<double> x(matrix_.size());
     EXPECT_THROW(used.solve(x.data(), 1, 1), ArgumentError);
+    EXPECT_THROW(used.factor_and_begin(unknown.rows, kEpsilon, x.data(), 1, 1), FactorizationError);
+    EXPECT_THROW(used.finish(x.data(), 1, 1), ArgumentError);
   }
   EXPECT_EQ(solution(used), solution(fresh));
 }
