@@ -66,10 +66,8 @@ class Interpolant:
                 f"got {frames.shape}"
             )
         self._balls = ball_slices(model)
-        self._spline = CubicSpline(self.times, frames)
-        self._quaternions = [
-            CubicSpline(self.times, _continuous_quaternions(frames[:, s])) for s in self._balls
-        ]
+        quaternions = [_continuous_quaternions(frames[:, where]) for where in self._balls]
+        self._spline = CubicSpline(self.times, np.concatenate([frames, *quaternions], axis=1))
 
     def __call__(self, t: ArrayLike) -> FloatArray:
         """Return the coordinates at `t`.
@@ -85,10 +83,9 @@ class Interpolant:
             Coordinates [m, rad]; rotation vectors are at most π long.
         """
         t = np.asarray(t, dtype=float)
-        out = np.array(self._spline(t))
-        for where, quaternion in zip(self._balls, self._quaternions, strict=True):
-            q = quaternion(t).reshape(-1, 4)
-            out[..., where] = Rotation.from_quat(q).as_rotvec().reshape(*t.shape, 3)
+        out, quaternions = self._at(t, 0)
+        for where, q in zip(self._balls, quaternions, strict=True):
+            out[..., where] = Rotation.from_quat(q.reshape(-1, 4)).as_rotvec().reshape(*t.shape, 3)
         return out
 
     def velocity(self, t: ArrayLike) -> FloatArray:
@@ -106,10 +103,18 @@ class Interpolant:
             the frame before the joint (world axes for a free base): Ṙ = [ω]× R.
         """
         t = np.asarray(t, dtype=float)
-        out = np.array(self._spline(t, 1))
-        for where, quaternion in zip(self._balls, self._quaternions, strict=True):
-            out[..., where] = _angular_velocity(quaternion(t), quaternion(t, 1))
+        out, rates = self._at(t, 1)
+        for where, q, rate in zip(self._balls, self._at(t, 0)[1], rates, strict=True):
+            out[..., where] = _angular_velocity(q, rate)
         return out
+
+    def _at(self, t: FloatArray, derivative: int) -> tuple[FloatArray, list[FloatArray]]:
+        """Return the splines of the coordinates, and of each ball joint's quaternion."""
+        values, ndof = self._spline(t, derivative), self.model.ndof
+        quaternions = [
+            values[..., ndof + 4 * k : ndof + 4 * (k + 1)] for k in range(len(self._balls))
+        ]
+        return np.array(values[..., :ndof]), quaternions
 
 
 def _continuous_quaternions(rotation_vectors: FloatArray) -> FloatArray:

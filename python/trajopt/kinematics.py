@@ -62,23 +62,24 @@ def check_configuration(model: Model, argument: str, value: ArrayLike) -> Floats
 def joint_transforms(model: Model, x: ArrayLike) -> Floats:
     """See :meth:`trajopt.Model.joint_transforms`."""
     x = check_configuration(model, "x", x)
-    out = np.empty((*x.shape[:-1], len(model.joint_type), 3, 4))
-    for j, (kind, parent, dof) in enumerate(
-        zip(model.joint_type, model.joint_parent, model.joint_dof, strict=True)
-    ):
+    motion = _joint_motions(model, x)
+    out = np.empty_like(motion)
+    for j, parent in enumerate(model.joint_parent):
         frame = model.joint_offset[j]
         if parent >= 0:
             frame = compose(out[..., parent, :, :], frame)
-        axis = model.joint_axis[j]
-        motion = np.zeros((*x.shape[:-1], 3, 4))
-        if kind == SLIDE:
-            motion[..., :3] = np.eye(3)
-            motion[..., 3] = x[..., dof, None] * axis
-        else:
-            r = x[..., dof, None] * axis if kind == HINGE else x[..., dof : dof + 3]
-            motion[..., :3] = rotations.exp(r)
-        out[..., j, :, :] = compose(frame, motion)
+        out[..., j, :, :] = compose(frame, motion[..., j, :, :])
     return out
+
+
+def _joint_motions(model: Model, x: Floats) -> Floats:
+    """Return the transforms (..., J, 3, 4) by which the joints move, of all joints at once."""
+    kind, dof = model.joint_type, model.joint_dof
+    along = x[..., dof, None] * model.joint_axis
+    for j in np.flatnonzero(kind == BALL):
+        along[..., j, :] = x[..., dof[j] : dof[j] + 3]
+    turn = np.where(kind[:, None] == SLIDE, 0.0, along)
+    return np.concatenate([rotations.exp(turn), (along - turn)[..., None]], axis=-1)
 
 
 def integrate(model: Model, x: ArrayLike, delta: ArrayLike) -> Floats:

@@ -25,10 +25,13 @@ __all__ = [
     "matrix_from_quaternion",
     "nearest",
     "to_quaternion",
+    "unwrap",
 ]
 
 # Below this squared angle the closed forms lose digits and their series are exact in double.
 _SMALL = 1e-4
+
+_BLOCK = 64  # frames that are unwrapped at once
 
 
 def hat(r: ArrayLike) -> NDArray[np.float64]:
@@ -261,3 +264,34 @@ def nearest(r: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
     turns = np.round((np.sum(axis * reference, axis=-1, keepdims=True) - theta) / (2 * np.pi))
     # Adding a multiple of the axis, not rescaling: unchanged bits where no turn is added.
     return np.asarray(r + 2 * np.pi * turns * axis)
+
+
+def unwrap(r: ArrayLike) -> NDArray[np.float64]:
+    """Rotation vectors of the same rotations, each nearest to the one before it.
+
+    Parameters
+    ----------
+    r : array_like, shape (n, 3)
+        Rotation vectors of a motion [rad], n frames.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Continuous through turns beyond π.
+
+    Examples
+    --------
+    >>> unwrap([[0.0, 0.0, 3.0], [0.0, 0.0, -3.1]]).round(6)
+    array([[0.      , 0.      , 3.      ],
+           [0.      , 0.      , 3.183185]])
+    """
+    out = np.array(r, dtype=np.float64)
+    for begin in range(1, len(out), _BLOCK):
+        block, before = out[begin : begin + _BLOCK], out[begin - 1 : begin - 1 + _BLOCK]
+        # Where no frame turns away from its neighbour, none has to wait for the one before it.
+        turned = nearest(block, before[: len(block)])
+        if np.array_equal(turned, block):
+            continue
+        for i in range(begin, begin + len(block)):
+            out[i] = nearest(out[i], out[i - 1])
+    return out

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,7 @@ class _Run:
             elapsed=elapsed,
             snapshot=snapshot,
         )
-        self.history.append(IterationRecord.from_dict(record.to_dict()))
+        self.history.append(replace(record, snapshot=None))
         return record
 
     def solution(

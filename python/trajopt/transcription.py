@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from trajopt.checks import non_negative, positive, whole
 from trajopt.errors import ArgumentTypeError
 from trajopt.kinematics import SLIDE, ball_slices
 from trajopt.physics import make_physics
+from trajopt.rotations import unwrap
 from trajopt.scaling import Scales
 from trajopt.settle import free_bases, ground_gap, lower, settle, warn_of_gap, warn_of_unrest
 from trajopt.terms import TermBuilder
@@ -275,12 +277,9 @@ class Transcription:
 
     def to_si(self, q: FloatArray) -> FloatArray:
         """The core's configurations (n, nq) to SI coordinates (n, D), continuous over frames."""
-        from trajopt.rotations import nearest
-
         x = np.asarray(_core.configuration_to_vector(self.core, q)) * self.scales.coordinate
         for where in ball_slices(self.problem.model):
-            for i in range(1, len(x)):
-                x[i, where] = nearest(x[i, where], x[i - 1, where])
+            x[:, where] = unwrap(x[:, where])
         return x
 
 
@@ -303,5 +302,6 @@ def term_labels(problem: Problem) -> list[str]:
     return labels
 
 
+@cache
 def _snake_case(name: str) -> str:
     return "".join(("_" if c.isupper() and i else "") + c.lower() for i, c in enumerate(name))

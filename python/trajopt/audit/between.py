@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from trajopt.audit.motion import Motion, continuous, setting, torque_rows, unactuated
+from trajopt.audit.motion import Motion, continuous, frame_times, setting, torque_rows, unactuated
 from trajopt.interpolation import Interpolant
 from trajopt.stepping import Stepper
 
@@ -23,7 +23,7 @@ _STENCIL = 1.0 / 64.0
 
 def fine_times(motion: Motion) -> FloatArray:
     """Return the (4N,) times between frames 0 to N at which physics is checked [s]."""
-    knots = continuous(motion).times[1:]
+    knots = frame_times(motion)[1:]
     place = (np.arange(POINTS_PER_FRAME) + 0.5) / POINTS_PER_FRAME
     return np.asarray((knots[:-1, None] + np.diff(knots)[:, None] * place).ravel())
 
@@ -56,9 +56,10 @@ def fine_residual(motion: Motion, interpolant: Interpolant | None = None) -> Flo
     steps = np.diff(curve.times[1:])
     h = _STENCIL * float(np.min(steps))
     stepper = Stepper(motion.model, setting(motion, "verlet"))
-    middle = curve(t)
-    narrow = stepper.residual(curve(t + h), middle, curve(t - h), h)
-    wide = stepper.residual(curve(t + 2.0 * h), middle, curve(t - 2.0 * h), 2.0 * h)
+    x = curve(t + h * np.arange(-2.0, 3.0)[:, None])
+    middle = x[2]
+    narrow = stepper.residual(x[3], middle, x[1], h)
+    wide = stepper.residual(x[4], middle, x[0], 2.0 * h)
     return torque_rows(motion.model, middle, (4.0 * narrow - wide) / 3.0)
 
 

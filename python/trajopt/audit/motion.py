@@ -16,7 +16,7 @@ from trajopt.stepping import Setting
 if TYPE_CHECKING:
     from trajopt.model import Model
 
-__all__ = ["Motion", "continuous", "setting", "torque_rows", "unactuated"]
+__all__ = ["Motion", "continuous", "frame_times", "setting", "torque_rows", "unactuated"]
 
 FloatArray = NDArray[np.float64]
 
@@ -69,10 +69,15 @@ def continuous(motion: Motion) -> Interpolant:
             f"initial must hold frames 0 and -1 with shape {(2, motion.model.ndof)}, "
             f"got {initial.shape}"
         )
+    frames = np.concatenate([initial[::-1], motion.x])
+    return Interpolant(motion.model, frame_times(motion), frames)
+
+
+def frame_times(motion: Motion) -> FloatArray:
+    """Return the times of frames -1, 0, 1, ..., N [s]."""
     first = float(np.ravel(motion.dt)[0])
     before = motion.times[0] - first * np.array([2.0, 1.0])
-    frames = np.concatenate([initial[::-1], motion.x])
-    return Interpolant(motion.model, np.concatenate([before, motion.times]), frames)
+    return np.concatenate([before, motion.times])
 
 
 def setting(motion: Motion, integrator: str) -> Setting:

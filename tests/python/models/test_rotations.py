@@ -73,6 +73,26 @@ def test_nearest_of_the_identity_takes_the_axis_of_the_reference():
     np.testing.assert_allclose(rot.nearest([0, 0, 0], [0, 6, 0]), [0, 2 * np.pi, 0])
 
 
+@pytest.mark.parametrize("speed", [0.01, -0.31])
+@pytest.mark.parametrize("count", [0, 1, 2, 64, 65, 66, 200])
+def test_unwrap_is_nearest_frame_by_frame(speed, count):
+    angle = 0.4 + speed * np.arange(count)  # within half a turn, and through many
+    axis = np.array([0.36, 0.48, 0.8])
+    r = rot.log(rot.exp(angle[:, None] * axis)) if count else np.zeros((0, 3))
+    expected = r.copy()
+    for i in range(1, count):
+        expected[i] = rot.nearest(expected[i], expected[i - 1])
+    unwrapped = rot.unwrap(r)
+    np.testing.assert_array_equal(unwrapped, expected)
+    np.testing.assert_allclose(unwrapped, angle[:, None] * axis, atol=1e-9)
+
+
+def test_unwrap_goes_on_from_a_turn_in_an_earlier_block():
+    angle = np.concatenate([np.linspace(0, 8, 64), np.full(100, 8.0)])
+    r = rot.log(rot.exp(angle[:, None] * [0, 0, 1]))
+    np.testing.assert_allclose(rot.unwrap(r)[:, 2], angle, atol=1e-12)
+
+
 def test_leading_axes():
     r = np.random.default_rng(0).normal(size=(2, 3, 3))
     assert rot.exp(r).shape == (2, 3, 3, 3)
