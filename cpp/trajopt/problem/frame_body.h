@@ -133,13 +133,13 @@ TRAJOPT_HD inline void objective_rows(const FrameInput& in, long begin, int coun
   }
 }
 
-// Frames [begin, begin + count), count <= lanes<S>; the outputs of other frames are left alone.
+// All of the frames' outputs but the Hessian and the Jacobians, whose sources stay in `s`: the rows
+// returned, and s.jacobians.
 template <class S, bool Derivatives>
-TRAJOPT_HD inline void run_frames(const FrameInput& in, long begin, int count, void* memory,
-                                  const FrameOutput& out) {
+TRAJOPT_HD inline RowList<S> frame_rows(const FrameInput& in, long begin, int count,
+                                        const FrameScratch<S>& s, const FrameOutput& out) {
   const ModelView& model = in.model;
   const int d = model.ndof, m = model.nunactuated, nu = model.nactuated;
-  FrameScratch<S> s(in, memory);
   DynamicsWorkspace<S> ws(model, s.dynamics);
   const FramePack<S> frame(in, begin, count, s.nodes);
   S* jacobians[3] = {s.jacobians, s.jacobians + d * d, s.jacobians + 2 * d * d};
@@ -160,12 +160,24 @@ TRAJOPT_HD inline void run_frames(const FrameInput& in, long begin, int count, v
   objective_rows<S, Derivatives>(in, begin, count, frame, ws, s.fd, js, rows, s.cost);
   store_lanes(s.cost, in.nterm, out.cost + begin * in.nterm, in.nterm, count);
   if constexpr (Derivatives) {
-    for (int q = 0; q < 3; ++q)
-      for (int r = 0; r < m; ++r)
-        store_lanes(jacobians[q] + model.unactuated[r] * d, d,
-                    out.jacobian + ((begin * 3 + q) * m + r) * d, 3 * m * d, count);
     window_gradient(rows, d, s.gradient);
     store_lanes(s.gradient, 3 * d, out.gradient + begin * 3 * d, 3 * d, count);
+  }
+  return rows;
+}
+
+// Frames [begin, begin + count), count <= lanes<S>; the outputs of other frames are left alone.
+template <class S, bool Derivatives>
+TRAJOPT_HD inline void run_frames(const FrameInput& in, long begin, int count, void* memory,
+                                  const FrameOutput& out) {
+  const FrameScratch<S> s(in, memory);
+  const RowList<S> rows = frame_rows<S, Derivatives>(in, begin, count, s, out);
+  if constexpr (Derivatives) {
+    const int d = in.model.ndof, m = in.model.nunactuated;
+    for (int q = 0; q < 3; ++q)
+      for (int r = 0; r < m; ++r)
+        store_lanes(s.jacobians + (q * d + in.model.unactuated[r]) * d, d,
+                    out.jacobian + ((begin * 3 + q) * m + r) * d, 3 * m * d, count);
     for (int b = 0; b < 6; ++b) {
       window_block(rows, kWindowBlocks[b][0], kWindowBlocks[b][1], d, s.panels, s.block);
       store_lanes(s.block, d * d, out.hessian + (begin * 6 + b) * d * d, 6 * d * d, count);

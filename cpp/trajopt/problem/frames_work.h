@@ -5,7 +5,7 @@
 #pragma once
 
 #include "trajopt/problem/fold_work.h"
-#include "trajopt/problem/frame_body.h"
+#include "trajopt/problem/frame_group.h"
 #include "trajopt/problem/frames_system.h"
 #include "trajopt/problem/kkt_rows.h"
 #include "trajopt/problem/ring.h"
@@ -13,51 +13,78 @@
 
 namespace trajopt::inline TRAJOPT_ISA {
 
-// Dynamics, objective rows and local terms, a frame per rank. Floor for D = 18: 45 kflop for a
-// linearization without its Gram matrix, 10 kflop for an evaluation (bench/_cost.py counts them);
-// the window's 6 D^2 + 3 m D doubles are written once. A rank keeps its frame's intermediate
-// results in memory of its own: this launch waits for memory, not for arithmetic.
+// Dynamics, objective rows and local terms, a frame per rank; the products of a linearization's
+// rows by all ranks. Floor for D = 18: 45 kflop for a linearization without its Gram matrix, 10
+// kflop for an evaluation (bench/_cost.py counts them); the window's 6 D^2 + 3 m D doubles are
+// written once. A rank keeps its frame's intermediate results in memory of its own: this launch
+// waits for memory, not for arithmetic.
 template <bool Derivatives>
 struct FramesWork {
   static constexpr const char* kName = Derivatives ? "linearize frames" : "evaluate frames";
-  static constexpr int kMaxRanks = 32;
+  static constexpr int kMaxRanks = 128, kWarp = 32;
   FramesBatch b;
   bool tried;  // the trial, or the current point
 
-  TRAJOPT_HD long jobs() const { return (b.lanes + ranks() - 1) / ranks(); }
-  // Few frames are spread over the whole device.
-  TRAJOPT_HD int ranks() const {
+  TRAJOPT_HD long jobs() const { return (b.lanes + share() - 1) / share(); }
+  // Frames of a job at a time. Few are spread over the whole device, and in a job over its warps:
+  // they need not do the same.
+  TRAJOPT_HD int share() const {
     constexpr int kMultiprocessors = 128;
     int n = 1;
-    while (n < kMaxRanks && n * kMultiprocessors < b.lanes) n *= 2;
+    while (n < kWarp && n * kMultiprocessors < b.lanes) n *= 2;
     return n;
   }
+  TRAJOPT_HD int ranks() const { return share() < kWarp ? kMaxRanks : kWarp; }
   std::size_t bytes() const { return 0; }
 
   template <class Group>
   TRAJOPT_HD void operator()(const Group& group, long job, void*) const {
-    const long count = b.active[0] * b.frames;
-    for_each(group, ranks(), [&](int rank) {
-      const long lane = job * ranks() + rank;
-      if (lane >= b.lanes) return;
-      void* memory = b.scratch + lane * b.scratch_bytes;
-      for (long k = lane; k < count; k += b.lanes)
-        frame(*b.system(k / b.frames), k % b.frames, memory);
+    const long count = b.active[0] * b.frames, lane = job * share();
+    const long left = b.lanes - lane < share() ? b.lanes - lane : share();
+    for (long first = lane; first < count; first += b.lanes) {
+      const int frames = static_cast<int>(count - first < left ? count - first : left);
+      each_frame(group, frames, [&](int k) {
+        const FramesSystem& s = system(first + k);
+        find_rows<Derivatives>(input(s), frame(first + k), memory(lane + k), output(s));
+        if constexpr (!Derivatives) add_local(s, frame(first + k));
+      });
+      if constexpr (Derivatives) {
+        for (int k = 0; k < frames; ++k) {
+          const FramesSystem& s = system(first + k);
+          multiply_rows(group, input(s), frame(first + k), memory(lane + k), output(s));
+        }
+        each_frame(group, frames, [&](int k) { add_local(system(first + k), frame(first + k)); });
+      }
+    }
+  }
+
+  // body(k) for k in [0, frames), by ranks that lie apart.
+  template <class Group, class Body>
+  TRAJOPT_HD void each_frame(const Group& group, int frames, const Body& body) const {
+    const int apart = ranks() / share();
+    for_each(group, frames * apart, [&](int rank) {
+      if (rank % apart == 0) body(rank / apart);
     });
   }
 
-  TRAJOPT_HD void frame(const FramesSystem& s, long f, void* memory) const {
-    const FramesPoint& at = s.point(tried);
-    const long d = s.dofs();
+  TRAJOPT_HD const FramesSystem& system(long k) const { return *b.system(k / b.frames); }
+  TRAJOPT_HD long frame(long k) const { return k % b.frames; }
+  TRAJOPT_HD unsigned char* memory(long lane) const { return b.scratch + lane * b.scratch_bytes; }
+  TRAJOPT_HD FrameInput input(const FramesSystem& s) const {
     FrameInput in = s.in;
-    in.frames = at.frames;
-    run_frames<double, Derivatives>(
-        in, f, 1, memory,
-        {at.frame_constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian});
-    const LocalFrame local = local_frame(in, f);
+    in.frames = s.point(tried).frames;
+    return in;
+  }
+  TRAJOPT_HD FrameOutput output(const FramesSystem& s) const {
+    return {s.point(tried).frame_constraint, s.torque, s.cost, s.hessian, s.gradient, s.jacobian};
+  }
+
+  TRAJOPT_HD void add_local(const FramesSystem& s, long f) const {
+    const long d = s.dofs();
+    const LocalFrame local = local_frame(input(s), f);
     for (int k = 0; k < s.nlocal; ++k) {
       s.local_cost[k * b.frames + f] = add_local_term<Derivatives>(
-          in.model, s.local[k], local, Derivatives ? s.hessian + f * 6 * d * d : nullptr,
+          s.in.model, s.local[k], local, Derivatives ? s.hessian + f * 6 * d * d : nullptr,
           Derivatives ? s.gradient + f * 3 * d : nullptr);
     }
   }

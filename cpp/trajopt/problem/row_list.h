@@ -51,6 +51,7 @@ class RowList {
   }
 
   TRAJOPT_HD int count() const { return count_; }
+  TRAJOPT_HD const RowSet<S>* sets() const { return sets_; }
   TRAJOPT_HD const RowSet<S>& operator[](int k) const { return sets_[k]; }
 
   // Where the next set goes: the caller lists its dofs at dofs() (or takes every_dof()), fills

@@ -97,7 +97,7 @@ std::size_t rank_scratch_bytes(const std::vector<BatchMember>& members, double a
   std::size_t most = 0;
   for (const BatchMember& m : members) {
     const FrameInput in = m.problem->frame_input(nullptr, augmentation);
-    most = std::max(most, frame_scratch_bytes<double>(in));
+    most = std::max(most, group_scratch_bytes(in));
   }
   return (most + 127) / 128 * 128;  // whole cache lines, so that neighbouring frames share none
 }

@@ -111,6 +111,19 @@ TEST(FramesExecutor, Spline) {
   }
 }
 
+// A job with one frame, two and four of them at a time, the last of them incomplete.
+TEST(FramesExecutor, FramesOfAJob) {
+  FunnelOptions options;
+  options.ordering = Ordering::cyclic;
+  options.max_iterations = 1;
+  options.funnel = 1e3;
+  for (int lanes : {101, 151, 301}) {
+    SCOPED_TRACE(std::to_string(lanes) + " lanes");
+    compare([] { return test::make_case({.frames = 301, .turn = 0.02}); }, options,
+            {RankOrder::reverse, 0}, lanes);
+  }
+}
+
 // One block, two, and the first odd count; the shortest ring.
 TEST(FramesExecutor, ShortMotions) {
   FunnelOptions options;
