@@ -36,6 +36,7 @@ struct DynamicsWorkspace {
   S* directions;              // dP_q/dx of one contact point: 3 nodes x 3 rows x chain
   S* tested;                  // the same, multiplied by the point's stiffness
   Vec3<S>* spheres;           // centres at the inertia node, for self collision
+  Vec3<S>* hulls;             // and those of the balls around a joint's spheres
   int* slot;                  // per joint
   int* chain;                 // dofs that move a point
   unsigned char* touched[3];  // per joint: does any lane's subtree feel a force at this node?
@@ -46,7 +47,7 @@ struct DynamicsWorkspace {
     const std::size_t small = j * sizeof(int) + d * sizeof(int) + 3 * j;
     return 3 * (j * sizeof(Transform<S>) + d * sizeof(Twist<S>) + j * sizeof(Wrench<S>)) +
            j * (sizeof(ThreeMats<S>) + sizeof(ThreeVecs<S>)) + 18 * d * sizeof(S) +
-           m.nsphere * sizeof(Vec3<S>) + (small + 63) / 64 * 64;
+           (m.nsphere + m.nhull) * sizeof(Vec3<S>) + (small + 63) / 64 * 64;
   }
 
   TRAJOPT_HD DynamicsWorkspace(const ModelView& m, void* memory) : coupled(false) {
@@ -66,6 +67,7 @@ struct DynamicsWorkspace {
     take(directions, 9 * d);
     take(tested, 9 * d);
     take(spheres, m.nsphere);
+    take(hulls, m.nhull);
     take(slot, m.njoint);
     take(chain, d);
     for (int k = 0; k < 3; ++k) take(touched[k], m.njoint);
