@@ -98,29 +98,48 @@ TRAJOPT_HD inline void add_pairs(const ModelView& model, const StencilPack<S>& s
   }
 }
 
-// Derivative dw of the direction tested by dof `row` of a ball with respect to dof `col` of the
-// same ball, beyond what geometric_term (ancestor outermost) already holds.
+// Derivatives dw of the directions tested by the dofs of one ball with respect to the dofs of the
+// same ball, beyond what geometric_term (ancestor outermost) already holds, at one node.
 template <class S, Chart C>
-TRAJOPT_HD inline Vec3<S> ball_direction_derivative(const Joint& joint, const S* q,
-                                                    const Transform<S>* joints, const Twist<S>* xi,
-                                                    int row, int col) {
-  const int high = row > col ? row : col, low = row > col ? col : row;
-  if constexpr (C == Chart::tangent) {  // directions fixed in the frame before the rotation
-    if (row > col) return cross(xi[joint.dof + row].w, xi[joint.dof + col].w);
-    return {S(0.0), S(0.0), S(0.0)};
-  } else {
-    const Vec3<S> r{q[joint.dof], q[joint.dof + 1], q[joint.dof + 2]};
-    const ExpCoefficients<S> k = exp_coefficients(dot(r, r));
-    Vec3<S> el{S(low == 0 ? 1.0 : 0.0), S(low == 1 ? 1.0 : 0.0), S(low == 2 ? 1.0 : 0.0)};
-    Vec3<S> eq{S(high == 0 ? 1.0 : 0.0), S(high == 1 ? 1.0 : 0.0), S(high == 2 ? 1.0 : 0.0)};
-    Vec3<S> d = (k.da * r[high]) * el + k.b * cross(eq, el) + (k.db * r[high]) * cross(r, el) +
-                k.c * (r[low] * eq) + (k.dc * r[high] * r[low]) * r;
-    if (low == high) d += k.c * r;
-    Mat3<S> before = constant_rotation<S>(joint.offset);
+struct BallDirections;
+
+template <class S>
+struct BallDirections<S, Chart::tangent> {  // directions fixed in the frame before the rotation
+  const Twist<S>* xi;
+
+  TRAJOPT_HD BallDirections(const Joint& joint, const S*, const Transform<S>*,
+                            const Twist<S>* twists)
+      : xi(twists + joint.dof) {}
+  TRAJOPT_HD static int columns(int row) { return row; }  // nothing is left for row <= column
+  TRAJOPT_HD Vec3<S> derivative(int row, int column) const {
+    return cross(xi[row].w, xi[column].w);
+  }
+};
+
+template <class S>
+struct BallDirections<S, Chart::vector> {
+  Vec3<S> r;
+  ExpCoefficients<S> k;
+  Mat3<S> before;
+
+  TRAJOPT_HD BallDirections(const Joint& joint, const S* q, const Transform<S>* joints,
+                            const Twist<S>*)
+      : r{q[joint.dof], q[joint.dof + 1], q[joint.dof + 2]},
+        k(exp_coefficients(dot(r, r))),
+        before(constant_rotation<S>(joint.offset)) {
     if (joint.parent >= 0) before = joints[joint.parent].rotation * before;
+  }
+  TRAJOPT_HD static int columns(int) { return 3; }
+  TRAJOPT_HD Vec3<S> derivative(int row, int column) const {
+    const int high = row > column ? row : column, low = row > column ? column : row;
+    const Vec3<S> el{S(low == 0 ? 1.0 : 0.0), S(low == 1 ? 1.0 : 0.0), S(low == 2 ? 1.0 : 0.0)};
+    const Vec3<S> eh{S(high == 0 ? 1.0 : 0.0), S(high == 1 ? 1.0 : 0.0), S(high == 2 ? 1.0 : 0.0)};
+    Vec3<S> d = (k.da * r[high]) * el + k.b * cross(eh, el) + (k.db * r[high]) * cross(r, el) +
+                k.c * (r[low] * eh) + (k.dc * r[high] * r[low]) * r;
+    if (low == high) d += k.c * r;
     return before * d;
   }
-}
+};
 
 // Inside a ball the order of its dofs matters beyond the geometric term.
 template <class S, Chart C>
@@ -132,12 +151,10 @@ TRAJOPT_HD inline void add_ball_terms(const ModelView& model, int index, const S
     if (carried.wrench[t] == nullptr) continue;
     const Vec3<S> n = axial(carried.wrench[t]->moment);
     const Vec3<S>& origin = ws.joints[t][index].translation;
+    const BallDirections<S, C> directions(joint, nodes[t], ws.joints[t], ws.twists[t]);
     for (int row = 0; row < 3; ++row) {
-      // In the tangent chart nothing is left for row <= column.
-      const int columns = C == Chart::tangent ? row : 3;
-      for (int column = 0; column < columns; ++column) {
-        const Vec3<S> dw = ball_direction_derivative<S, C>(joint, nodes[t], ws.joints[t],
-                                                           ws.twists[t], row, column);
+      for (int column = 0; column < directions.columns(row); ++column) {
+        const Vec3<S> dw = directions.derivative(row, column);
         jacobians[t][(joint.dof + row) * model.ndof + joint.dof + column] +=
             dot(dw, n) + dot(cross(origin, dw), carried.wrench[t]->force);
       }
