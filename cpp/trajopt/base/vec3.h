@@ -108,8 +108,10 @@ struct Transform {  // P = rotation p + translation
   Vec3<S> translation;
 };
 
+// Always inlined: a large file uses up what GCC thinks it may grow by.
 template <class S>
-TRAJOPT_HD inline Vec3<S> apply(const Transform<S>& t, const Vec3<S>& p) {
+__attribute__((always_inline)) TRAJOPT_HD inline Vec3<S> apply(const Transform<S>& t,
+                                                               const Vec3<S>& p) {
   return t.rotation * p + t.translation;
 }
 

@@ -25,6 +25,8 @@ struct Wrench {
 
 template <class S>
 struct DynamicsWorkspace {
+  static constexpr int kPoints = 4;  // contact points of a joint that are dealt with together
+
   Transform<S>* joints[3];
   Twist<S>* twists[3];
   // Sums over the subtree of each joint: second[q] = integral of rho P_q P_a^T (a: the inertia
@@ -33,8 +35,8 @@ struct DynamicsWorkspace {
   ThreeMats<S>* second;
   ThreeVecs<S>* first;
   Wrench<S>* wrenches[3];     // per joint and test node; valid where touched
-  S* directions;              // dP_q/dx of one contact point: 3 nodes x 3 rows x chain
-  S* tested;                  // the same, multiplied by the point's stiffness
+  S* directions;              // dP_q/dx of contact points: 3 nodes x 3 rows x chain each
+  S* tested;                  // the same, multiplied by a point's stiffness
   Vec3<S>* spheres;           // centres at the inertia node, for self collision
   Vec3<S>* hulls;             // and those of the balls around a joint's spheres
   int* slot;                  // per joint
@@ -46,7 +48,7 @@ struct DynamicsWorkspace {
     const std::size_t j = m.njoint, d = m.ndof;
     const std::size_t small = j * sizeof(int) + d * sizeof(int) + 3 * j;
     return 3 * (j * sizeof(Transform<S>) + d * sizeof(Twist<S>) + j * sizeof(Wrench<S>)) +
-           j * (sizeof(ThreeMats<S>) + sizeof(ThreeVecs<S>)) + 18 * d * sizeof(S) +
+           j * (sizeof(ThreeMats<S>) + sizeof(ThreeVecs<S>)) + 18 * kPoints * d * sizeof(S) +
            (m.nsphere + m.nhull) * sizeof(Vec3<S>) + (small + 63) / 64 * 64;
   }
 
@@ -64,8 +66,8 @@ struct DynamicsWorkspace {
     }
     take(second, m.njoint);
     take(first, m.njoint);
-    take(directions, 9 * d);
-    take(tested, 9 * d);
+    take(directions, 9 * kPoints * d);
+    take(tested, 9 * kPoints * d);
     take(spheres, m.nsphere);
     take(hulls, m.nhull);
     take(slot, m.njoint);
