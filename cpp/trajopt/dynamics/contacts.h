@@ -23,14 +23,21 @@ TRAJOPT_HD inline int chain_of(const ModelView& model, int joint, int* dofs) {
   return n;
 }
 
-// out[k n + i] = component k of dP/dx of the i-th dof of the chain at node q.
+// dP/dx of dof j at node q.
+template <class S>
+TRAJOPT_HD inline Vec3<S> point_direction(const ModelView& model, const DynamicsWorkspace<S>& ws,
+                                          int j, int q, const Vec3<S>& p) {
+  const Twist<S>& xi = ws.twists[q][j];
+  const bool slide = model.joints[model.dof_joint[j]].type == JointType::slide;
+  return slide ? xi.v : point_velocity(xi, p);
+}
+
+// out[k n + i] = component k of it for the i-th dof of the chain.
 template <class S>
 TRAJOPT_HD inline void point_directions(const ModelView& model, const DynamicsWorkspace<S>& ws,
                                         const int* chain, int n, int q, const Vec3<S>& p, S* out) {
   for (int i = 0; i < n; ++i) {
-    const Twist<S>& xi = ws.twists[q][chain[i]];
-    const bool slide = model.joints[model.dof_joint[chain[i]]].type == JointType::slide;
-    const Vec3<S> v = slide ? xi.v : point_velocity(xi, p);
+    const Vec3<S> v = point_direction(model, ws, chain[i], q, p);
     for (int k = 0; k < 3; ++k) out[k * n + i] = v[k];
   }
 }

@@ -72,13 +72,18 @@ TRAJOPT_HD inline void add_pairs(const ModelView& model, const StencilPack<S>& s
   for (int q = 0; q < 3; ++q) {  // row j
     if (q == a) continue;
     Twist<S> y = carried.row(a, q, stencil.acceleration[q], xa);
-    if (carried.wrench[q] != nullptr) {
-      y.w += h[q];
-      for (int l = model.dof_parent[j]; l >= 0; l = model.dof_parent[l])
-        jacobians[q][l * d + j] += dot(h[q], ws.twists[q][l].w);
+    S *row = jacobians[q] + j * d, *column = jacobians[q] + j;
+    if (carried.wrench[q] == nullptr) {
+      for (int l = j; l >= 0; l = model.dof_parent[l]) row[l] += dot(y, ws.twists[q][l]);
+      continue;
     }
-    S* row = jacobians[q] + j * d;
-    for (int l = j; l >= 0; l = model.dof_parent[l]) row[l] += dot(y, ws.twists[q][l]);
+    y.w += h[q];
+    row[j] += dot(y, ws.twists[q][j]);
+    for (int l = model.dof_parent[j]; l >= 0; l = model.dof_parent[l]) {
+      const Twist<S> xi = ws.twists[q][l];
+      row[l] += dot(y, xi);
+      column[l * d] += dot(h[q], xi.w);
+    }
   }
   // Column j, and at the inertia node both: K_a and the geometric term are symmetric.
   const int b = a == 0 ? 1 : 0, c = 2;  // the other two nodes
