@@ -178,7 +178,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
   for (int q = 0; q < 3; ++q) forward_kinematics<S, C>(model, nodes[q], ws.joints[q], ws.twists[q]);
   for (int j = 0; j < model.njoint; ++j) {
     ws.slot[j] = -1;
-    for (int t = 0; t < 3; ++t) ws.touched[t][j] = 0;
+    for (int t = 0; t < 3; ++t) ws.felt[t][j] = -1;
   }
   if constexpr (Derivatives) {
     for (int q = 0; q < 3; ++q)
@@ -194,7 +194,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
     add_link<S, Derivatives>(joint, physics, stencil, a, index, ws);
     Carried<S> carried;
     for (int t = 0; t < 3; ++t)
-      carried.wrench[t] = ws.touched[t][index] ? &ws.wrenches[t][index] : nullptr;
+      carried.wrench[t] = ws.felt[t][index] < 0 ? nullptr : &ws.wrenches[t][ws.felt[t][index]];
     const int last = joint.dof + (joint.type == JointType::ball ? 2 : 0);
     for (int j = joint.dof; j <= last; ++j) {
       S residual = S(0.0);
