@@ -44,18 +44,18 @@ TRAJOPT_HD inline Mat3<S> turning(const Mat3<S>& second) {
 template <class S>
 struct Carried {
   S mass;
-  Mat3<S> turning[3];
+  const Mat3<S>* second;
   const Vec3<S>* first;
   const Wrench<S>* wrench[3];  // null: nothing is felt at this node
 
   // scale * K_q^T xi
   TRAJOPT_HD Twist<S> row(int a, int q, const S& scale, const Twist<S>& xi) const {
-    return {scale * (transposed_times(turning[q], xi.w) + cross(first[q], xi.v)),
+    return {scale * (transposed_times(turning(second[q]), xi.w) + cross(first[q], xi.v)),
             scale * fma(mass, xi.v, cross(xi.w, first[a]))};
   }
   // scale * K_q xi
   TRAJOPT_HD Twist<S> column(int a, int q, const S& scale, const Twist<S>& xi) const {
-    return {scale * (turning[q] * xi.w + cross(first[a], xi.v)),
+    return {scale * (turning(second[q]) * xi.w + cross(first[a], xi.v)),
             scale * fma(mass, xi.v, cross(xi.w, first[q]))};
   }
 };
@@ -207,8 +207,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
       fd[j] = residual;
     }
     if constexpr (Derivatives) {
-      const ThreeMats<S>& second = ws.second[ws.slot[index]];
-      for (int q = 0; q < 3; ++q) carried.turning[q] = turning(second.q[q]);
+      carried.second = ws.second[ws.slot[index]].q;
       carried.first = ws.first[index].q;
       carried.mass = S(joint.subtree_mass);
       for (int j = joint.dof; j <= last; ++j)
