@@ -115,7 +115,7 @@ __attribute__((always_inline)) TRAJOPT_HD inline Vec3<S> apply(const Transform<S
   return t.rotation * p + t.translation;
 }
 
-// Rotation about the constant unit `axis` by the angle of sine s and cosine c.
+// Rotation about the constant unit `axis` with sine s and cosine c.
 template <class S>
 TRAJOPT_HD inline Mat3<S> axis_rotation(const double* axis, const S& s, const S& c) {
   const S v = S(1.0) - c;

@@ -51,8 +51,7 @@ TRAJOPT_HD inline Transform<S> joint_anchor(const Joint& joint, const Transform<
   return t;
 }
 
-// r := r times the rotation about the K-th axis of sine s and cosine c: turns the two other
-// columns.
+// r := r times the rotation about the K-th axis with sine s and cosine c: turns two columns.
 template <int K, class S>
 TRAJOPT_HD inline void turn_about(Mat3<S>& r, const S& s, const S& c) {
   constexpr int I = (K + 1) % 3, J = (K + 2) % 3;
