@@ -33,6 +33,7 @@ inline Character read_character(const std::string& name) {
   const int joints = count(), points = count(), spheres = count(), pairs = count();
   const int frames = count();
   c.dt = number();
+  int dofs = 0;
   for (int j = 0; j < joints; ++j) {
     Joint joint{};
     joint.type = static_cast<JointType>(count());
@@ -46,16 +47,16 @@ inline Character read_character(const std::string& name) {
     for (int k = 0; k < 6; ++k) joint.second[k] = inertia[kSecond[k]];
     for (int k = 0; k < 3; ++k) joint.first[k] = inertia[4 * k + 3];
     joint.mass = inertia[15];
+    dofs += joint.ndof();
     c.model.joints.push_back(joint);
   }
-  finalize(c.model);
   const auto limit = [&] {
     const double value = number();
     return std::abs(value) < 1e300 ? value : std::copysign(HUGE_VAL, value);
   };
-  for (int j = 0; j < c.model.ndof; ++j) c.model.lower.push_back(limit());
-  for (int j = 0; j < c.model.ndof; ++j) c.model.upper.push_back(limit());
-  for (int j = 0; j < c.model.ndof; ++j)
+  for (int j = 0; j < dofs; ++j) c.model.lower.push_back(limit());
+  for (int j = 0; j < dofs; ++j) c.model.upper.push_back(limit());
+  for (int j = 0; j < dofs; ++j)
     (number() != 0 ? c.model.actuated : c.model.unactuated).push_back(j);
   for (int k = 0; k < points + spheres; ++k) {
     ContactPoint point{};
@@ -68,6 +69,7 @@ inline Character read_character(const std::string& name) {
     const int a = count(), b = count();
     c.model.pairs.push_back({a, b});
   }
+  finalize(c.model);
   c.physics.gravity[2] = -1;
   c.physics.ground = true;
   c.physics.normal = number();

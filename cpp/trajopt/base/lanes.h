@@ -14,7 +14,7 @@ namespace lanes_detail {
 
 // W rows of W numbers become its columns, in log2(W) rounds of shuffles.
 template <int W>
-inline void transpose(typename PackTypes<W>::Vector* r) {
+__attribute__((always_inline)) inline void transpose(typename PackTypes<W>::Vector* r) {
 #ifndef __CUDACC__  // whose front end does not know the builtin; a device has one lane
   if constexpr (W == 2) {
     const auto a = r[0], b = r[1];

@@ -48,7 +48,7 @@ TRAJOPT_HD inline void tile(const Panel<S>* panels, int count, const int* index,
     const S *x = p->a + i0, *y = p->b + j0;
     for (int k = 0; k < p->depth; ++k, x += n, y += n) {
       unrolled<J>([&](auto j) TRAJOPT_INLINE_BODY {
-        const S yj = y[j];
+        const S yj = in_register(y[j]);
         unrolled<I>([&](auto i) TRAJOPT_INLINE_BODY {
           constexpr int at = decltype(i)::value * J + decltype(j)::value;
           sum[at] = fma(x[i], yj, sum[at]);

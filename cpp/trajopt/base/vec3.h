@@ -108,16 +108,16 @@ struct Transform {  // P = rotation p + translation
   Vec3<S> translation;
 };
 
+// Always inlined: a large file uses up what GCC thinks it may grow by.
 template <class S>
-TRAJOPT_HD inline Vec3<S> apply(const Transform<S>& t, const Vec3<S>& p) {
+__attribute__((always_inline)) TRAJOPT_HD inline Vec3<S> apply(const Transform<S>& t,
+                                                               const Vec3<S>& p) {
   return t.rotation * p + t.translation;
 }
 
-// Rotation by `angle` about the constant unit `axis`.
+// Rotation about the constant unit `axis` with sine s and cosine c.
 template <class S>
-TRAJOPT_HD inline Mat3<S> axis_rotation(const double* axis, S angle) {
-  S s, c;
-  sincos(angle, s, c);
+TRAJOPT_HD inline Mat3<S> axis_rotation(const double* axis, const S& s, const S& c) {
   const S v = S(1.0) - c;
   const double x = axis[0], y = axis[1], z = axis[2];
   Mat3<S> r;

@@ -25,15 +25,21 @@ TRAJOPT_HD inline void clear(Wrench<S>& w) {
   clear(w.force);
 }
 
+// What joint j and its subtree feel at node t; nothing yet if nobody has added to it.
+template <class S>
+TRAJOPT_HD inline Wrench<S>& felt_wrench(DynamicsWorkspace<S>& ws, int t, int j) {
+  if (ws.felt[t][j] < 0) {
+    ws.felt[t][j] = j;
+    clear(ws.wrenches[t][j]);
+  }
+  return ws.wrenches[t][ws.felt[t][j]];
+}
+
 // weight * force at the place `at` of a link, tested at node t.
 template <class S>
 TRAJOPT_HD inline void add_force(DynamicsWorkspace<S>& ws, int t, int joint, const S& weight,
                                  const Vec3<S>& force, const Vec3<S>& at) {
-  Wrench<S>& w = ws.wrenches[t][joint];
-  if (!ws.touched[t][joint]) {
-    clear(w);
-    ws.touched[t][joint] = 1;
-  }
+  Wrench<S>& w = felt_wrench(ws, t, joint);
   w.force = fma(weight, force, w.force);
   add_outer(w.moment, weight, force, at);
 }
@@ -56,17 +62,13 @@ TRAJOPT_HD inline void add_link(const Joint& joint, const Physics& physics,
                                 const StencilPack<S>& stencil, int a, int j,
                                 DynamicsWorkspace<S>& ws) {
   ThreeVecs<S>& firsts = ws.first[j];
-  Wrench<S>& wrench = ws.wrenches[a][j];
+  Wrench<S>& wrench = felt_wrench(ws, a, j);
   if (ws.slot[j] < 0) {  // a tip
     ws.slot[j] = j;
     for (int q = 0; q < 3; ++q) {
       clear(firsts.q[q]);
       if constexpr (Derivatives) clear(ws.second[j].q[q]);
     }
-  }
-  if (!ws.touched[a][j]) {
-    clear(wrench);
-    ws.touched[a][j] = 1;
   }
   if (joint.massless) return;
 
@@ -121,15 +123,14 @@ TRAJOPT_HD inline void add_to_parent(int parent, int j, DynamicsWorkspace<S>& ws
     }
   }
   for (int t = 0; t < 3; ++t) {
-    if (!ws.touched[t][j]) continue;
-    Wrench<S>& to = ws.wrenches[t][parent];
-    const Wrench<S>& from = ws.wrenches[t][j];
-    if (ws.touched[t][parent]) {
-      to.moment += from.moment;
-      to.force += from.force;
-    } else {
+    int& to = ws.felt[t][parent];
+    const int from = ws.felt[t][j];
+    if (from < 0) continue;
+    if (to < 0) {
       to = from;
-      ws.touched[t][parent] = 1;
+    } else {
+      ws.wrenches[t][to].moment += ws.wrenches[t][from].moment;
+      ws.wrenches[t][to].force += ws.wrenches[t][from].force;
     }
   }
 }

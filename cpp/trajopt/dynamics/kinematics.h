@@ -51,12 +51,10 @@ TRAJOPT_HD inline Transform<S> joint_anchor(const Joint& joint, const Transform<
   return t;
 }
 
-// r := r times the rotation by `angle` about the K-th axis: turns the two other columns.
+// r := r times the rotation about the K-th axis with sine s and cosine c: turns two columns.
 template <int K, class S>
-TRAJOPT_HD inline void turn_about(Mat3<S>& r, S angle) {
+TRAJOPT_HD inline void turn_about(Mat3<S>& r, const S& s, const S& c) {
   constexpr int I = (K + 1) % 3, J = (K + 2) % 3;
-  S s, c;
-  sincos(angle, s, c);
   for (int k = 0; k < 3; ++k) {
     const S i = r(k, I), j = r(k, J);
     r(k, I) = fma(c, i, s * j);
@@ -64,24 +62,28 @@ TRAJOPT_HD inline void turn_about(Mat3<S>& r, S angle) {
   }
 }
 
+// Always inlined: t stays in registers.
 template <class S>
-TRAJOPT_HD inline void move_hinge(const Joint& joint, S angle, Transform<S>& t, Twist<S>& twist) {
+__attribute__((always_inline)) TRAJOPT_HD inline void move_hinge(const Joint& joint, const S& angle,
+                                                                 Transform<S>& t, Twist<S>& twist) {
+  S s, c;
+  sincos(angle, s, c);
   switch (joint.aligned) {
     case 0:
       twist.w = t.rotation.column(0);
-      turn_about<0>(t.rotation, angle);
+      turn_about<0>(t.rotation, s, c);
       break;
     case 1:
       twist.w = t.rotation.column(1);
-      turn_about<1>(t.rotation, angle);
+      turn_about<1>(t.rotation, s, c);
       break;
     case 2:
       twist.w = t.rotation.column(2);
-      turn_about<2>(t.rotation, angle);
+      turn_about<2>(t.rotation, s, c);
       break;
     default:
       twist.w = t.rotation * broadcast3<S>(joint.axis);
-      t.rotation = t.rotation * axis_rotation(joint.axis, angle);
+      t.rotation = t.rotation * axis_rotation(joint.axis, s, c);
   }
   twist.v = cross(t.translation, twist.w);
 }

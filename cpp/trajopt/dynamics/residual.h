@@ -44,18 +44,18 @@ TRAJOPT_HD inline Mat3<S> turning(const Mat3<S>& second) {
 template <class S>
 struct Carried {
   S mass;
-  Mat3<S> turning[3];
+  const Mat3<S>* second;
   const Vec3<S>* first;
   const Wrench<S>* wrench[3];  // null: nothing is felt at this node
 
   // scale * K_q^T xi
   TRAJOPT_HD Twist<S> row(int a, int q, const S& scale, const Twist<S>& xi) const {
-    return {scale * (transposed_times(turning[q], xi.w) + cross(first[q], xi.v)),
+    return {scale * (transposed_times(turning(second[q]), xi.w) + cross(first[q], xi.v)),
             scale * fma(mass, xi.v, cross(xi.w, first[a]))};
   }
   // scale * K_q xi
   TRAJOPT_HD Twist<S> column(int a, int q, const S& scale, const Twist<S>& xi) const {
-    return {scale * (turning[q] * xi.w + cross(first[a], xi.v)),
+    return {scale * (turning(second[q]) * xi.w + cross(first[a], xi.v)),
             scale * fma(mass, xi.v, cross(xi.w, first[q]))};
   }
 };
@@ -72,13 +72,18 @@ TRAJOPT_HD inline void add_pairs(const ModelView& model, const StencilPack<S>& s
   for (int q = 0; q < 3; ++q) {  // row j
     if (q == a) continue;
     Twist<S> y = carried.row(a, q, stencil.acceleration[q], xa);
-    if (carried.wrench[q] != nullptr) {
-      y.w += h[q];
-      for (int l = model.dof_parent[j]; l >= 0; l = model.dof_parent[l])
-        jacobians[q][l * d + j] += dot(h[q], ws.twists[q][l].w);
+    S *row = jacobians[q] + j * d, *column = jacobians[q] + j;
+    if (carried.wrench[q] == nullptr) {
+      for (int l = j; l >= 0; l = model.dof_parent[l]) row[l] += dot(y, ws.twists[q][l]);
+      continue;
     }
-    S* row = jacobians[q] + j * d;
-    for (int l = j; l >= 0; l = model.dof_parent[l]) row[l] += dot(y, ws.twists[q][l]);
+    y.w += h[q];
+    row[j] += dot(y, ws.twists[q][j]);
+    for (int l = model.dof_parent[j]; l >= 0; l = model.dof_parent[l]) {
+      const Twist<S> xi = ws.twists[q][l];
+      row[l] += dot(y, xi);
+      column[l * d] += dot(h[q], xi.w);
+    }
   }
   // Column j, and at the inertia node both: K_a and the geometric term are symmetric.
   const int b = a == 0 ? 1 : 0, c = 2;  // the other two nodes
@@ -98,29 +103,48 @@ TRAJOPT_HD inline void add_pairs(const ModelView& model, const StencilPack<S>& s
   }
 }
 
-// Derivative dw of the direction tested by dof `row` of a ball with respect to dof `col` of the
-// same ball, beyond what geometric_term (ancestor outermost) already holds.
+// Derivatives dw of the directions tested by the dofs of one ball with respect to the dofs of the
+// same ball, beyond what geometric_term (ancestor outermost) already holds, at one node.
 template <class S, Chart C>
-TRAJOPT_HD inline Vec3<S> ball_direction_derivative(const Joint& joint, const S* q,
-                                                    const Transform<S>* joints, const Twist<S>* xi,
-                                                    int row, int col) {
-  const int high = row > col ? row : col, low = row > col ? col : row;
-  if constexpr (C == Chart::tangent) {  // directions fixed in the frame before the rotation
-    if (row > col) return cross(xi[joint.dof + row].w, xi[joint.dof + col].w);
-    return {S(0.0), S(0.0), S(0.0)};
-  } else {
-    const Vec3<S> r{q[joint.dof], q[joint.dof + 1], q[joint.dof + 2]};
-    const ExpCoefficients<S> k = exp_coefficients(dot(r, r));
-    Vec3<S> el{S(low == 0 ? 1.0 : 0.0), S(low == 1 ? 1.0 : 0.0), S(low == 2 ? 1.0 : 0.0)};
-    Vec3<S> eq{S(high == 0 ? 1.0 : 0.0), S(high == 1 ? 1.0 : 0.0), S(high == 2 ? 1.0 : 0.0)};
-    Vec3<S> d = (k.da * r[high]) * el + k.b * cross(eq, el) + (k.db * r[high]) * cross(r, el) +
-                k.c * (r[low] * eq) + (k.dc * r[high] * r[low]) * r;
-    if (low == high) d += k.c * r;
-    Mat3<S> before = constant_rotation<S>(joint.offset);
+struct BallDirections;
+
+template <class S>
+struct BallDirections<S, Chart::tangent> {  // directions fixed in the frame before the rotation
+  const Twist<S>* xi;
+
+  TRAJOPT_HD BallDirections(const Joint& joint, const S*, const Transform<S>*,
+                            const Twist<S>* twists)
+      : xi(twists + joint.dof) {}
+  TRAJOPT_HD static int columns(int row) { return row; }  // nothing is left for row <= column
+  TRAJOPT_HD Vec3<S> derivative(int row, int column) const {
+    return cross(xi[row].w, xi[column].w);
+  }
+};
+
+template <class S>
+struct BallDirections<S, Chart::vector> {
+  Vec3<S> r;
+  ExpCoefficients<S> k;
+  Mat3<S> before;
+
+  TRAJOPT_HD BallDirections(const Joint& joint, const S* q, const Transform<S>* joints,
+                            const Twist<S>*)
+      : r{q[joint.dof], q[joint.dof + 1], q[joint.dof + 2]},
+        k(exp_coefficients(dot(r, r))),
+        before(constant_rotation<S>(joint.offset)) {
     if (joint.parent >= 0) before = joints[joint.parent].rotation * before;
+  }
+  TRAJOPT_HD static int columns(int) { return 3; }
+  TRAJOPT_HD Vec3<S> derivative(int row, int column) const {
+    const int high = row > column ? row : column, low = row > column ? column : row;
+    const Vec3<S> el{S(low == 0 ? 1.0 : 0.0), S(low == 1 ? 1.0 : 0.0), S(low == 2 ? 1.0 : 0.0)};
+    const Vec3<S> eh{S(high == 0 ? 1.0 : 0.0), S(high == 1 ? 1.0 : 0.0), S(high == 2 ? 1.0 : 0.0)};
+    Vec3<S> d = (k.da * r[high]) * el + k.b * cross(eh, el) + (k.db * r[high]) * cross(r, el) +
+                k.c * (r[low] * eh) + (k.dc * r[high] * r[low]) * r;
+    if (low == high) d += k.c * r;
     return before * d;
   }
-}
+};
 
 // Inside a ball the order of its dofs matters beyond the geometric term.
 template <class S, Chart C>
@@ -132,12 +156,10 @@ TRAJOPT_HD inline void add_ball_terms(const ModelView& model, int index, const S
     if (carried.wrench[t] == nullptr) continue;
     const Vec3<S> n = axial(carried.wrench[t]->moment);
     const Vec3<S>& origin = ws.joints[t][index].translation;
+    const BallDirections<S, C> directions(joint, nodes[t], ws.joints[t], ws.twists[t]);
     for (int row = 0; row < 3; ++row) {
-      // In the tangent chart nothing is left for row <= column.
-      const int columns = C == Chart::tangent ? row : 3;
-      for (int column = 0; column < columns; ++column) {
-        const Vec3<S> dw = ball_direction_derivative<S, C>(joint, nodes[t], ws.joints[t],
-                                                           ws.twists[t], row, column);
+      for (int column = 0; column < directions.columns(row); ++column) {
+        const Vec3<S> dw = directions.derivative(row, column);
         jacobians[t][(joint.dof + row) * model.ndof + joint.dof + column] +=
             dot(dw, n) + dot(cross(origin, dw), carried.wrench[t]->force);
       }
@@ -156,7 +178,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
   for (int q = 0; q < 3; ++q) forward_kinematics<S, C>(model, nodes[q], ws.joints[q], ws.twists[q]);
   for (int j = 0; j < model.njoint; ++j) {
     ws.slot[j] = -1;
-    for (int t = 0; t < 3; ++t) ws.touched[t][j] = 0;
+    for (int t = 0; t < 3; ++t) ws.felt[t][j] = -1;
   }
   if constexpr (Derivatives) {
     for (int q = 0; q < 3; ++q)
@@ -172,7 +194,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
     add_link<S, Derivatives>(joint, physics, stencil, a, index, ws);
     Carried<S> carried;
     for (int t = 0; t < 3; ++t)
-      carried.wrench[t] = ws.touched[t][index] ? &ws.wrenches[t][index] : nullptr;
+      carried.wrench[t] = ws.felt[t][index] < 0 ? nullptr : &ws.wrenches[t][ws.felt[t][index]];
     const int last = joint.dof + (joint.type == JointType::ball ? 2 : 0);
     for (int j = joint.dof; j <= last; ++j) {
       S residual = S(0.0);
@@ -185,8 +207,7 @@ TRAJOPT_HD inline void dynamics_residual(const ModelView& model, const Physics& 
       fd[j] = residual;
     }
     if constexpr (Derivatives) {
-      const ThreeMats<S>& second = ws.second[ws.slot[index]];
-      for (int q = 0; q < 3; ++q) carried.turning[q] = turning(second.q[q]);
+      carried.second = ws.second[ws.slot[index]].q;
       carried.first = ws.first[index].q;
       carried.mass = S(joint.subtree_mass);
       for (int j = joint.dof; j <= last; ++j)

@@ -25,28 +25,31 @@ struct Wrench {
 
 template <class S>
 struct DynamicsWorkspace {
+  static constexpr int kPoints = 4;  // contact points of a joint that are dealt with together
+
   Transform<S>* joints[3];
   Twist<S>* twists[3];
   // Sums over the subtree of each joint: second[q] = integral of rho P_q P_a^T (a: the inertia
-  // node), first[q] = mass times centre of mass at node q. `second` is used up while the inward
-  // sweep passes: slot[j] tells which entry holds joint j's, -1 when nothing has been added yet.
+  // node), first[q] = mass times centre of mass at node q; forces by test node. `second` and
+  // `wrenches` are used up while the inward sweep passes: slot[j] and felt[t][j] tell which entry
+  // holds joint j's, -1 when nothing has been added yet.
   ThreeMats<S>* second;
   ThreeVecs<S>* first;
-  Wrench<S>* wrenches[3];     // per joint and test node; valid where touched
-  S* directions;              // dP_q/dx of one contact point: 3 nodes x 3 rows x chain
-  S* tested;                  // the same, multiplied by the point's stiffness
-  Vec3<S>* spheres;           // centres at the inertia node, for self collision
-  int* slot;                  // per joint
-  int* chain;                 // dofs that move a point
-  unsigned char* touched[3];  // per joint: does any lane's subtree feel a force at this node?
-  bool coupled;               // do spheres overlap: are there forces between branches?
+  Wrench<S>* wrenches[3];
+  S* directions;     // dP_q/dx of contact points: 3 nodes x 3 rows x chain each
+  S* tested;         // the same, multiplied by a point's stiffness
+  Vec3<S>* spheres;  // centres at the inertia node, for self collision
+  Vec3<S>* hulls;    // and those of the balls around a joint's spheres
+  int *slot, *felt[3];
+  int* chain;    // dofs that move a point
+  bool coupled;  // do spheres overlap: are there forces between branches?
 
   TRAJOPT_HD static std::size_t bytes(const ModelView& m) {
     const std::size_t j = m.njoint, d = m.ndof;
-    const std::size_t small = j * sizeof(int) + d * sizeof(int) + 3 * j;
+    const std::size_t small = (4 * j + d) * sizeof(int);
     return 3 * (j * sizeof(Transform<S>) + d * sizeof(Twist<S>) + j * sizeof(Wrench<S>)) +
-           j * (sizeof(ThreeMats<S>) + sizeof(ThreeVecs<S>)) + 18 * d * sizeof(S) +
-           m.nsphere * sizeof(Vec3<S>) + (small + 63) / 64 * 64;
+           j * (sizeof(ThreeMats<S>) + sizeof(ThreeVecs<S>)) + 18 * kPoints * d * sizeof(S) +
+           (m.nsphere + m.nhull) * sizeof(Vec3<S>) + (small + 63) / 64 * 64;
   }
 
   TRAJOPT_HD DynamicsWorkspace(const ModelView& m, void* memory) : coupled(false) {
@@ -63,12 +66,13 @@ struct DynamicsWorkspace {
     }
     take(second, m.njoint);
     take(first, m.njoint);
-    take(directions, 9 * d);
-    take(tested, 9 * d);
+    take(directions, 9 * kPoints * d);
+    take(tested, 9 * kPoints * d);
     take(spheres, m.nsphere);
+    take(hulls, m.nhull);
     take(slot, m.njoint);
     take(chain, d);
-    for (int k = 0; k < 3; ++k) take(touched[k], m.njoint);
+    for (int k = 0; k < 3; ++k) take(felt[k], m.njoint);
   }
 };
 

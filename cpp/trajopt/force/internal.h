@@ -31,7 +31,14 @@ struct Overlap {      // of one sphere pair: E = w depth^3
   S distance, depth;
 };
 
-// False when no lane's spheres overlap: most pairs leave here, before any square root.
+// Is one of the lanes' distances of two points below `reach`?
+template <class S>
+TRAJOPT_HD inline bool any_within(const Vec3<S>& a, const Vec3<S>& b, double reach) {
+  const Vec3<S> r = a - b;
+  return any(dot(r, r) < S(reach * reach));
+}
+
+// False when no lane's spheres overlap: that is known before any square root.
 template <class S>
 TRAJOPT_HD inline bool sphere_overlap(const ModelView& model, const SpherePair& pair,
                                       const Vec3<S>* centers, Overlap<S>& o) {
@@ -75,25 +82,34 @@ TRAJOPT_HD inline void add_overlap_stiffness(const ModelView& model, const Physi
   }
 }
 
+template <class S>
+TRAJOPT_HD inline void place_centers(const ContactPoint* balls, int count,
+                                     const Transform<S>* joints, Vec3<S>* centers) {
+  for (int k = 0; k < count; ++k)
+    centers[k] = apply(joints[balls[k].joint], broadcast3<S>(balls[k].position));
+}
+
 // Wrenches at the inertia node a and their derivative; returns whether any spheres overlap.
 template <class S, bool Derivatives>
 TRAJOPT_HD inline bool add_self_collision(const ModelView& model, const Physics& physics, int a,
                                           DynamicsWorkspace<S>& ws, S* jacobian) {
   bool found = false;
-  for (int k = 0; k < model.nsphere; ++k) {
-    ws.spheres[k] =
-        apply(ws.joints[a][model.spheres[k].joint], broadcast3<S>(model.spheres[k].position));
-  }
-  for (int k = 0; k < model.npair; ++k) {
-    const SpherePair& pair = model.pairs[k];
-    Overlap<S> o;
-    if (!sphere_overlap(model, pair, ws.spheres, o)) continue;
-    found = true;
-    const S slope = S(-3.0 * physics.self_collision) * o.depth * o.depth;  // dE/d distance
-    add_force(ws, a, model.spheres[pair.a].joint, slope, o.direction, ws.spheres[pair.a]);
-    add_force(ws, a, model.spheres[pair.b].joint, -slope, o.direction, ws.spheres[pair.b]);
-    if constexpr (Derivatives)
-      add_overlap_stiffness(model, physics, pair, o, ws.twists[a], ws.spheres, jacobian);
+  place_centers(model.spheres, model.nsphere, ws.joints[a], ws.spheres);
+  place_centers(model.hulls, model.nhull, ws.joints[a], ws.hulls);
+  for (int i = 0; i < model.nrun; ++i) {
+    const PairRun& run = model.runs[i];
+    if (!any_within(ws.spheres[run.a], ws.hulls[run.hull], run.reach)) continue;
+    for (int k = run.begin; k < run.end; ++k) {
+      const SpherePair& pair = model.pairs[k];
+      Overlap<S> o;
+      if (!sphere_overlap(model, pair, ws.spheres, o)) continue;
+      found = true;
+      const S slope = S(-3.0 * physics.self_collision) * o.depth * o.depth;  // dE/d distance
+      add_force(ws, a, model.spheres[pair.a].joint, slope, o.direction, ws.spheres[pair.a]);
+      add_force(ws, a, model.spheres[pair.b].joint, -slope, o.direction, ws.spheres[pair.b]);
+      if constexpr (Derivatives)
+        add_overlap_stiffness(model, physics, pair, o, ws.twists[a], ws.spheres, jacobian);
+    }
   }
   return found;
 }

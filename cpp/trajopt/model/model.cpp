@@ -1,10 +1,60 @@
 #include "trajopt/model/model.h"
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "trajopt/base/error.h"
 
 namespace trajopt {
+
+namespace {
+
+// A ball around the spheres of a joint.
+ContactPoint hull_of(const Model& model, int joint) {
+  ContactPoint hull{joint, {0, 0, 0}, 0};
+  for (int k = 0; k < 3; ++k) {
+    double low = HUGE_VAL, high = -HUGE_VAL;
+    for (const ContactPoint& s : model.spheres) {
+      if (s.joint != joint) continue;
+      low = std::min(low, s.position[k] - s.radius);
+      high = std::max(high, s.position[k] + s.radius);
+    }
+    hull.position[k] = 0.5 * (low + high);
+  }
+  for (const ContactPoint& s : model.spheres) {
+    if (s.joint != joint) continue;
+    const double distance =
+        std::hypot(s.position[0] - hull.position[0], s.position[1] - hull.position[1],
+                   s.position[2] - hull.position[2]);
+    hull.radius = std::max(hull.radius, distance + s.radius);
+  }
+  return hull;
+}
+
+void group_pairs(Model& model) {
+  // Far more than rounding moves a sphere against its hull, so that leaving out a run never shows.
+  constexpr double kMargin = 1e-3;
+  model.hulls.clear();
+  model.runs.clear();
+  std::vector<int> hull(model.joints.size(), -1);
+  for (int k = 0; k < static_cast<int>(model.pairs.size()); ++k) {
+    const SpherePair& pair = model.pairs[k];
+    const int joint = model.spheres[pair.b].joint;
+    if (hull[joint] < 0) {
+      hull[joint] = static_cast<int>(model.hulls.size());
+      model.hulls.push_back(hull_of(model, joint));
+    }
+    const double reach = model.spheres[pair.a].radius + model.hulls[hull[joint]].radius;
+    if (model.runs.empty() || model.runs.back().a != pair.a ||
+        model.runs.back().hull != hull[joint]) {
+      model.runs.push_back({k, k, pair.a, hull[joint], (1 + kMargin) * reach});
+    }
+    model.runs.back().end = k + 1;
+  }
+}
+
+}  // namespace
 
 void finalize(Model& model) {
   model.ndof = model.nq = 0;
@@ -50,6 +100,7 @@ void finalize(Model& model) {
     const Joint& joint = model.joints[j];
     if (joint.parent >= 0) model.joints[joint.parent].subtree_mass += joint.subtree_mass;
   }
+  group_pairs(model);
 }
 
 ModelView view(const Model& m) {
@@ -61,6 +112,8 @@ ModelView view(const Model& m) {
           .npoint = static_cast<int>(m.points.size()),
           .nsphere = static_cast<int>(m.spheres.size()),
           .npair = static_cast<int>(m.pairs.size()),
+          .nhull = static_cast<int>(m.hulls.size()),
+          .nrun = static_cast<int>(m.runs.size()),
           .mass = m.mass,
           .joints = m.joints.data(),
           .dof_joint = m.dof_joint.data(),
@@ -71,7 +124,9 @@ ModelView view(const Model& m) {
           .unactuated = m.unactuated.data(),
           .points = m.points.data(),
           .spheres = m.spheres.data(),
-          .pairs = m.pairs.data()};
+          .pairs = m.pairs.data(),
+          .hulls = m.hulls.data(),
+          .runs = m.runs.data()};
 }
 
 }  // namespace trajopt

@@ -47,6 +47,14 @@ struct SpherePair {  // indices of two spheres that must not penetrate each othe
   int a, b;
 };
 
+// Pairs begin .. end - 1 of one sphere and spheres of one joint: none overlaps while the sphere's
+// centre is `reach` or more from that of the joint's hull.
+struct PairRun {
+  int begin, end;
+  int a, hull;
+  double reach;
+};
+
 struct Model {
   int ndof = 0;
   int nq = 0;
@@ -59,11 +67,14 @@ struct Model {
   std::vector<ContactPoint> points;
   std::vector<ContactPoint> spheres;  // for self collision
   std::vector<SpherePair> pairs;
+  // Filled in by finalize:
+  std::vector<ContactPoint> hulls;  // a ball around all spheres of a joint
+  std::vector<PairRun> runs;        // all pairs, in their order
 };
 
 // What a kernel sees of a Model: plain pointers, also valid on a device.
 struct ModelView {
-  int ndof, nq, njoint, nactuated, nunactuated, npoint, nsphere, npair;
+  int ndof, nq, njoint, nactuated, nunactuated, npoint, nsphere, npair, nhull, nrun;
   double mass;
   const Joint* joints;
   const int* dof_joint;
@@ -75,9 +86,12 @@ struct ModelView {
   const ContactPoint* points;
   const ContactPoint* spheres;
   const SpherePair* pairs;
+  const ContactPoint* hulls;
+  const PairRun* runs;
 };
 
-// Fills the derived members (dof offsets, parents, subtree masses) and checks the tree.
+// Fills the derived members (dof offsets, parents, subtree masses, runs of pairs) and checks the
+// tree.
 void finalize(Model& model);
 
 ModelView view(const Model& model);

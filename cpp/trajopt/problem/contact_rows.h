@@ -15,18 +15,15 @@ namespace trajopt::inline TRAJOPT_ISA {
 // Rows with the derivatives by[q], of which the first `Rows` count, by the point at nodes
 // 0 .. nodes - 1.
 template <int Rows, class S>
-TRAJOPT_HD inline void add_rows_of_point(const ModelView& model, DynamicsWorkspace<S>& ws,
+TRAJOPT_HD inline void add_rows_of_point(const ModelView& model, const DynamicsWorkspace<S>& ws,
                                          int joint, const Vec3<S>* p, const Mat3<S>* by, int nodes,
                                          RowList<S>& out) {
   int* chain = out.dofs();
   const int n = chain_of(model, joint, chain);
   for (int q = 0; q < nodes; ++q) {
-    const S* directions = ws.directions;
-    point_directions(model, ws, chain, n, q, p[q], ws.directions);
     S* to = out.jacobian() + q * Rows * n;
     for (int i = 0; i < n; ++i) {
-      const Vec3<S> column =
-          by[q] * Vec3<S>{directions[i], directions[n + i], directions[2 * n + i]};
+      const Vec3<S> column = by[q] * point_direction(model, ws, chain[i], q, p[q]);
       for (int k = 0; k < Rows; ++k) to[k * n + i] = column[k];
     }
   }

@@ -44,15 +44,14 @@ struct LocalDifferences {
 
 // Slide or hinge: one row with derivatives c[0], c[1], c[2] by the three nodes.
 template <bool Derivatives>
-TRAJOPT_HD inline double local_scalar(const LocalTerm& term, const LocalFrame& frame, double weight,
-                                      const Joint& joint, int d, int nq, double* hessian,
-                                      double* gradient) {
+TRAJOPT_HD inline double local_scalar(const LocalTerm& term, const LocalFrame& frame,
+                                      const LocalDifferences& by, double weight, const Joint& joint,
+                                      int d, int nq, double* hessian, double* gradient) {
   const int i = joint.dof, k = joint.q;
   double r, c[3] = {1.0, 0.0, 0.0};
   if (term.kind == LocalKind::pose) {
     r = frame.q[0][k] - term.target[frame.index * nq + k];
   } else {
-    const LocalDifferences by(term.kind, frame);
     r = fma(by.c01, frame.q[0][k] - frame.q[1][k], by.c12 * (frame.q[1][k] - frame.q[2][k]));
     if (term.kind == LocalKind::velocity && term.target != nullptr)
       r -= term.target[frame.index * d + i];
@@ -74,9 +73,9 @@ TRAJOPT_HD inline double local_scalar(const LocalTerm& term, const LocalFrame& f
 
 // Ball: three rows, with a 3 x 3 derivative by each node.
 template <bool Derivatives>
-TRAJOPT_HD inline double local_ball(const LocalTerm& term, const LocalFrame& frame, double weight,
-                                    const Joint& joint, int d, int nq, double* hessian,
-                                    double* gradient) {
+TRAJOPT_HD inline double local_ball(const LocalTerm& term, const LocalFrame& frame,
+                                    const LocalDifferences& c, double weight, const Joint& joint,
+                                    int d, int nq, double* hessian, double* gradient) {
   const int first = joint.dof, k = joint.q;
   int used = 1;
   double r[3], by[3][9];
@@ -98,7 +97,6 @@ TRAJOPT_HD inline double local_ball(const LocalTerm& term, const LocalFrame& fra
   if (term.kind == LocalKind::pose) {
     add(1.0, frame.q[0] + k, term.target + frame.index * nq + k, by[0], nullptr);
   } else {
-    const LocalDifferences c(term.kind, frame);
     add(c.c01, frame.q[0] + k, frame.q[1] + k, by[0], by[1]);
     used = 2;
     if (term.kind == LocalKind::acceleration) {
@@ -140,12 +138,13 @@ TRAJOPT_HD inline double add_local_term(const ModelView& model, const LocalTerm&
                                         double* gradient) {
   const double weight = term.weight[frame.index];
   if (weight == 0) return 0.0;
+  const LocalDifferences differences(term.kind, frame);
   double cost = 0.0;
   for (int j = 0; j < model.njoint; ++j) {
     const Joint& joint = model.joints[j];
     const auto add =
         joint.type == JointType::ball ? local_ball<Derivatives> : local_scalar<Derivatives>;
-    cost += add(term, frame, weight, joint, model.ndof, model.nq, hessian, gradient);
+    cost += add(term, frame, differences, weight, joint, model.ndof, model.nq, hessian, gradient);
   }
   return cost;
 }

@@ -1,4 +1,5 @@
 // Compiled once per instruction set: the KKT matrix by nodes.
+#include "trajopt/base/fetch.h"
 #include "trajopt/linalg/simd.h"
 #include "trajopt/problem/kkt_rows.h"
 #include "trajopt/problem/node_rows.h"
@@ -27,46 +28,58 @@ TRAJOPT_ALWAYS_INLINE void add_row(const double* from, int n, double* to) {
   if (k < n) store(to + k, add(load(to + k, n - k), load(from + k, n - k)), n - k);
 }
 
-// `first` is the chunk's first frame; frames come in ascending order.
-void add_window(const NodeRows& s, long f, long first, const double* window, const double* jacobian,
-                double* rows, double* spill) {
+// Row r of the blocks number `block` of `Count` windows behind each other, summed in their order.
+template <int Count>
+TRAJOPT_ALWAYS_INLINE void sum_rows(const double* window, int d, const int* block, int r,
+                                    double* to) {
+  const long dd = static_cast<long>(d) * d;
+  const double* from[Count];
+  for (int q = 0; q < Count; ++q) from[q] = window + (6 * q + block[q]) * dd + r * d;
+  const auto sum = [&](const auto& part) {
+    Vec<double> v = part(from[0]);
+    for (int q = 1; q < Count; ++q) v = add(v, part(from[q]));
+    return v;
+  };
+  int k = 0;
+  for (; k + W <= d; k += W) store(to + k, sum([&](const double* p) { return load(p + k); }));
+  if (k < d) store(to + k, sum([&](const double* p) { return load(p + k, d - k); }), d - k);
+}
+
+// The rows of node f from the windows of frames f .. f + Behind. Those of the next node are asked
+// for meanwhile: a store waits for what it writes to.
+template <int Behind>
+void write_node(const NodeRows& s, long f, const double* window, const double* jacobian,
+                double* rows) {
   const int d = s.primal, m = s.dual;
-  const long dd = static_cast<long>(d) * d, md = static_cast<long>(m) * d;
+  const long md = static_cast<long>(m) * d;
+  constexpr int kFar[] = {2}, kNear[] = {1, 4}, kSelf[] = {0, 3, 5};  // of kWindowBlocks
   for (int r = 0; r < m; ++r) {
     double* row = rows + s.at(f, r);
+    fetch(row + s.length(), s.columns());
     copy_row(jacobian + 2 * md + r * d, d, row);
     copy_row(jacobian + md + r * d, d, row + d);
   }
   for (int r = 0; r < d; ++r) {
     double* row = rows + s.at(f, m + r);
-    copy_row(window + 2 * dd + r * d, d, row);
-    copy_row(window + dd + r * d, d, row + d);
+    fetch(row + s.length(), s.columns());
+    sum_rows<1>(window, d, kFar, r, row);
+    sum_rows<Behind == 0 ? 1 : 2>(window, d, kNear, r, row + d);
     for (int k = 0; k < m; ++k) row[2 * d + k] = jacobian[k * d + r];
-    copy_row(window + r * d, d, row + 2 * d + m);
-  }
-  if (f > first) {
-    for (int r = 0; r < d; ++r) {
-      double* row = rows + s.at(f - 1, m + r);
-      add_row(window + 4 * dd + r * d, d, row + d);
-      add_row(window + 3 * dd + r * d, d, row + 2 * d + m);
-    }
-  } else {
-    copy_row(window + 3 * dd, static_cast<int>(3 * dd), spill);
-  }
-  if (f > first + 1) {
-    for (int r = 0; r < d; ++r)
-      add_row(window + 5 * dd + r * d, d, rows + s.at(f - 2, m + r) + 2 * d + m);
-  } else if (f > first) {
-    copy_row(window + 5 * dd, static_cast<int>(dd), spill + 3 * dd);
+    sum_rows<Behind + 1>(window, d, kSelf, r, row + 2 * d + m);
   }
 }
 
 void add_windows(const NodeRows& s, long begin, long end, const double* windows,
                  const double* jacobians, double* rows, double* spill) {
-  const long d = s.primal, m = s.dual;
-  for (long f = begin; f < end; ++f)
-    add_window(s, f, begin, windows + (f - begin) * 6 * d * d, jacobians + (f - begin) * 3 * m * d,
-               rows, spill);
+  const long dd = static_cast<long>(s.primal) * s.primal, md = static_cast<long>(s.dual) * s.primal;
+  for (long f = begin; f < end; ++f) {
+    const double *window = windows + (f - begin) * 6 * dd,
+                 *jacobian = jacobians + (f - begin) * 3 * md;
+    const auto write = end - f > 2 ? write_node<2> : (end - f == 2 ? write_node<1> : write_node<0>);
+    write(s, f, window, jacobian, rows);
+  }
+  copy_row(windows + 3 * dd, static_cast<int>(3 * dd), spill);
+  if (end > begin + 1) copy_row(windows + 11 * dd, static_cast<int>(dd), spill + 3 * dd);
 }
 
 // In the order of the frames: a node's entries are the sums that they are within a chunk.

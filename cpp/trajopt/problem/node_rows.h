@@ -29,9 +29,9 @@ struct NodeRows {
 };
 
 struct NodeRowKernels {
-  // Adds windows (6 x D x D, in the order of kWindowBlocks) and Jacobians (3 x m x D) of a chunk of
-  // frames [begin, end) to `rows`. Shares of nodes before the chunk, which belong to others, go to
-  // `spill`: kSpillBlocks x D x D.
+  // Writes the rows of nodes [begin, end): what the windows (6 x D x D, in the order of
+  // kWindowBlocks) and Jacobians (3 x m x D) of a chunk of frames [begin, end) add up to. Shares of
+  // nodes before the chunk, which belong to others, go to `spill`: kSpillBlocks x D x D.
   void (*add_windows)(const NodeRows& s, long begin, long end, const double* windows,
                       const double* jacobians, double* rows, double* spill);
   // What the chunk of frames from `first` on has for the nodes before it.

@@ -7,7 +7,7 @@ namespace trajopt {
 namespace {
 
 ModelView pack_model(Parcel& parcel, const ModelView& m) {
-  static_assert(sizeof(ModelView) == 8 * sizeof(int) + sizeof(double) + 10 * sizeof(void*),
+  static_assert(sizeof(ModelView) == 10 * sizeof(int) + sizeof(double) + 12 * sizeof(void*),
                 "a new member has to be copied here");
   ModelView v = m;
   v.joints = parcel.add(m.joints, m.njoint);
@@ -20,6 +20,8 @@ ModelView pack_model(Parcel& parcel, const ModelView& m) {
   v.points = parcel.add(m.points, m.npoint);
   v.spheres = parcel.add(m.spheres, m.nsphere);
   v.pairs = parcel.add(m.pairs, m.npair);
+  v.hulls = parcel.add(m.hulls, m.nhull);
+  v.runs = parcel.add(m.runs, m.nrun);
   return v;
 }
 
