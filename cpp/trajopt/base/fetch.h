@@ -7,8 +7,9 @@
 
 namespace trajopt {
 
-inline __attribute__((always_inline)) void fetch(const double* begin, long count) {
-  constexpr long kLine = 8;
+template <class T>
+inline __attribute__((always_inline)) void fetch(const T* begin, long count) {
+  constexpr long kLine = 64 / static_cast<long>(sizeof(T));
   for (long k = 0; k < count; k += kLine) __builtin_prefetch(begin + k, 0, 2);
 }
 

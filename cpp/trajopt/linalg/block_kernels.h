@@ -22,20 +22,29 @@ struct BasicCoupling {
   T* u = nullptr;
 };
 
+// Memory worked off from its end, by so many elements for each row of a block: whole cache lines.
+// (A row's exact share would take two divisions, which small blocks notice.)
+template <class T>
+struct BasicPiece {
+  T* data = nullptr;
+  long left = 0;
+  long per_row = 0;
+};
+
 // Memory traffic spread over the arithmetic of one elimination: row by row, the last one first,
-// blocks of the matrix that will be needed next are fetched, and either the lines of their factors
-// are claimed for writing or finished factors are written around the caches.
+// blocks of the matrix that will be needed next are fetched, and lines of their factors claimed for
+// writing or finished factors written around the caches.
 template <class T>
 struct BasicTraffic {
   int size = 0;
   int fetch_rows = 0;                   // still to be fetched
+  bool fetch_upwards = false;           // the first row first
   const double* fetch_lower = nullptr;  // a lower triangle, leading dimension `size`
   const double* fetch_whole = nullptr;  // a block; nullptr: none
-  T* claim = nullptr;                   // where results will be written through the caches,
-  long claim_length = 0;                // in one piece; 0: nothing
+  BasicPiece<T> claim;                  // where results will be written through the caches
   int write_rows = 0;                   // still to be written
   const T* w = nullptr;                 // packed
-  T* w_target = nullptr;
+  BasicPiece<T> w_target;
   long ld = 0;         // of v
   const T* v[2] = {};  // of the couplings; nullptr: none
   T* target[2] = {};

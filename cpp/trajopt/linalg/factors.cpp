@@ -191,7 +191,7 @@ PivotFailure Factors<T>::run(const SymmetricBlockTridiagonal& a, int item, const
       kernels_->move(traffic, size_);  // what may be left of the step before
       traffic.write_rows = size_;
       traffic.w = e.w;
-      traffic.w_target = w(item, i);
+      traffic.w_target = share(w(item, i), PackedTriangle<T>::length(size_));
       traffic.v[0] = step.left >= 0 ? e.left.v : nullptr;
       traffic.target[0] = left_v(item, i);
       traffic.v[1] = step.right >= 0 ? e.right.v : nullptr;
@@ -211,10 +211,13 @@ template <class T>
 void Factors<T>::fetch(const SymmetricBlockTridiagonal& a, int item, const Step& step,
                        BasicTraffic<T>& traffic) const {
   traffic.fetch_rows = size_;
-  if (!large_) {
-    traffic.claim = inverse(item, step.block);
-    traffic.claim_length = w(item, step.block) + PackedTriangle<T>::length(size_) - traffic.claim;
-  }
+  // In the direction in which the sweep goes on, so that the processor's own prefetcher follows.
+  traffic.fetch_upwards = step.right_original;
+  // The pivots are always written through the caches.
+  T* begin = inverse(item, step.block);
+  T* pivots_end = left_v(item, step.block);
+  T* record_end = w(item, step.block) + PackedTriangle<T>::length(size_);
+  traffic.claim = share(begin, (large_ ? pivots_end : record_end) - begin);
   traffic.fetch_lower = a.diagonal(step.block, item);
   traffic.fetch_whole = nullptr;
   if (step.left_original) traffic.fetch_whole = a.lower(step.block - 1, item);

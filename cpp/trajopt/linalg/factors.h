@@ -86,6 +86,10 @@ class Factors {
   std::size_t record(int item, int block) const {
     return static_cast<std::size_t>(item) * item_length_ + record_[block];
   }
+  // To be worked off with the rows of a block.
+  BasicPiece<T> share(T* data, long count) const {
+    return {data, count, lines((count + size_ - 1) / size_)};
+  }
   static long lines(long count) {
     constexpr long line = PackedTriangle<T>::kColumns;
     return (count + line - 1) / line * line;

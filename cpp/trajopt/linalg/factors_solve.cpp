@@ -1,4 +1,5 @@
 // Solution with the factors.
+#include "trajopt/base/fetch.h"
 #include "trajopt/base/parallel.h"
 #include "trajopt/linalg/factors.h"
 
@@ -17,6 +18,9 @@ constexpr long kAheadBytes = 16384;
 template <class T>
 void Factors<T>::forward(int item, const Step& step, T* x, int m) const {
   const long ahead = -kAheadBytes / static_cast<long>(sizeof(T));
+  // Not read here, but it lies between what is: without it, as many lines of a later block would
+  // not be asked for.
+  trajopt::fetch(inverse(item, step.block) + ahead, lines(size_));
   T* xi = x + static_cast<long>(step.block) * size_ * m;
   kernels_->substitute_transposed(size_, w(item, step.block), xi, m, m, ahead);
   if (step.right >= 0) {
@@ -32,6 +36,7 @@ void Factors<T>::forward(int item, const Step& step, T* x, int m) const {
 template <class T>
 void Factors<T>::backward(int item, const Step& step, T* x, int m) const {
   const long ahead = kAheadBytes / static_cast<long>(sizeof(T));
+  trajopt::fetch(inverse(item, step.block) + ahead, lines(size_));
   T* xi = x + static_cast<long>(step.block) * size_ * m;
   const T* over = inverse(item, step.block);
   for (int k = 0; k < size_; ++k) {

@@ -33,34 +33,46 @@ TRAJOPT_ALWAYS_INLINE void fetch_lines(const double* p, int count, bool near) {
   }
 }
 
+// Takes one row's share off the end of a piece: how many elements, from `left` on.
 template <class T>
-TRAJOPT_ALWAYS_INLINE void fetch_row(const BasicTraffic<T>& t, int r) {
+TRAJOPT_ALWAYS_INLINE long take(BasicPiece<T>& piece) {
+  const long count = piece.per_row < piece.left ? piece.per_row : piece.left;
+  piece.left -= count;
+  return count;
+}
+
+template <class T>
+TRAJOPT_ALWAYS_INLINE void fetch_row(BasicTraffic<T>& t, int r) {
   const bool near = t.size <= kNearRows;
   const long at = static_cast<long>(r) * t.size;
   fetch_lines(t.fetch_lower + at, r + 1, near);
   if (t.fetch_whole) fetch_lines(t.fetch_whole + at, t.size, near);
   // Reading claims as well as a prefetch for writing where no other core has the line, and waits
   // for less.
-  const long end = t.claim_length * (r + 1L) / t.size;
-  for (long i = t.claim_length * r / t.size; i < end; i += kLine<T>) prefetch_second(t.claim + i);
+  const long count = take(t.claim);
+  for (long i = 0; i < count; i += kLine<T>) prefetch_second(t.claim.data + t.claim.left + i);
 }
 
 template <class T>
-inline void write_row(const BasicTraffic<T>& t, int r) {
-  const long lines = PackedTriangle<T>::length(t.size) / kLine<T>;
-  const long begin = lines * r / t.size * kLine<T>, end = lines * (r + 1L) / t.size * kLine<T>;
-  stream_lines(t.w + begin, t.w_target + begin, end - begin);
+inline void write_row(BasicTraffic<T>& t, int r) {
+  const long count = take(t.w_target), at = t.w_target.left;
+  stream_lines(t.w + at, t.w_target.data + at, count);
+  const long from = r * t.ld, to = r * t.target_ld;
+  const int columns = t.size;
   for (int i = 0; i < 2; ++i) {
-    if (!t.v[i]) continue;
-    for (int c = 0; c < t.size; c += kLine<T>) {
-      stream_line(t.v[i] + r * t.ld + c, t.target[i] + r * t.target_ld + c);
-    }
+    const T* v = t.v[i];
+    T* target = t.target[i];
+    if (!v) continue;
+    for (int c = 0; c < columns; c += kLine<T>) stream_line(v + from + c, target + to + c);
   }
 }
 
 template <class T>
 inline void move(BasicTraffic<T>& t, int rows) {
-  for (int i = 0; i < rows && t.fetch_rows > 0; ++i) fetch_row(t, --t.fetch_rows);
+  for (int i = 0; i < rows && t.fetch_rows > 0; ++i) {
+    --t.fetch_rows;
+    fetch_row(t, t.fetch_upwards ? t.size - 1 - t.fetch_rows : t.fetch_rows);
+  }
   for (int i = 0; i < rows && t.write_rows > 0; ++i) write_row(t, --t.write_rows);
 }
 
