@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Builds, tests and measures the CUDA executor on a machine with a GPU. Needs no network: nvcc, cmake,
-# ninja and a Python with numpy and pybind11 have to be there; what else is there is used, and what is
-# left out is said.
+# Builds, tests and measures the CUDA executor on a machine with a GPU. Needs no network: a C++
+# compiler, nvcc, cmake and ninja have to be there; what else is there is used (a Python with its headers,
+# numpy, scipy, pybind11; mujoco; GoogleTest; ...), and what is left out is said. What fails or hangs
+# takes nothing else with it.
 #
 #   bench/device/check.sh [--dry] [build] [test] [sanitize] [bench] [peers]      default: all of them
 #
@@ -13,12 +14,14 @@
 #   BUILD    build tree (build/device)
 #   PYTHON   (python3)
 #   SECONDS_EACH   of one measurement (0.3)
+#   LIMIT    seconds that a program may take (600)
 set -uo pipefail
-cd "$(dirname "$0")/../.."
+cd "$(dirname "$0")/../.." || exit
 OUT=${OUT:-bench/results}
 BUILD=${BUILD:-build/device}
 PYTHON=${PYTHON:-python3}
 EACH=${SECONDS_EACH:-0.3}
+LIMIT=${LIMIT:-600}
 export PATH=$PATH:/usr/local/cuda/bin
 dry=
 if [[ ${1:-} == --dry ]]; then
@@ -26,10 +29,19 @@ if [[ ${1:-} == --dry ]]; then
   shift
 fi
 parts=${*:-build test sanitize bench peers}
+for part in $parts; do
+  case $part in
+    build | test | sanitize | bench | peers) ;;
+    *)
+      echo "error: there is no part '$part'; $0 [--dry] [build] [test] [sanitize] [bench] [peers]" >&2
+      exit 2
+      ;;
+  esac
+done
 mkdir -p "$OUT" "$BUILD"
 OUT=$(cd "$OUT" && pwd) BUILD=$(cd "$BUILD" && pwd)
-ROWS=$BUILD/rows.jsonl
 [[ -z $dry ]] || OUT=$BUILD
+ROWS=$OUT/device.jsonl  # as they come; gone when all of them are in device.json
 failed=() left_out=()
 
 wanted() { [[ " $parts " == *" $1 "* ]]; }
@@ -46,7 +58,8 @@ skip() {
   left_out+=("$*")
 }
 has_module() { "$PYTHON" -c "import $1" 2>/dev/null; }
-has_header() { echo "#include <$1>" | "${CXX:-c++}" -std=c++20 -E -x c++ - >/dev/null 2>&1; }
+has_header() { echo "#include <$1>" | "${CXX:-c++}" -std=c++20 -E -x c++ "${@:2}" - >/dev/null 2>&1; }
+limited() { timeout "$LIMIT" "$@"; }
 
 [[ -z $dry ]] || skip "times that mean anything: those of a dry run are of an emulated device"
 
@@ -57,38 +70,81 @@ lscpu 2>/dev/null | grep -E '^(Model name|CPU\(s\)|Thread|L2|L3)' || true
 nvcc --version | tail -2
 "${CXX:-c++}" --version | head -1
 
+# can_extend: whether Python extensions can be built here.
+can_extend() {
+  has_module numpy && has_module pybind11 &&
+    has_header Python.h -I"$("$PYTHON" -c 'import sysconfig; print(sysconfig.get_path("include"))')"
+}
+# Warnings are errors in a dry run only: another compiler's new ones are no reason to measure nothing.
+configure() {
+  local python=(-DTRAJOPT_PYTHON=OFF)
+  if [[ $extension == ON ]]; then
+    python=(-DTRAJOPT_PYTHON=ON -DPython_EXECUTABLE="$(command -v "$PYTHON")"
+      -Dpybind11_DIR="$("$PYTHON" -m pybind11 --cmakedir)")
+  fi
+  cmake -S . -B "$BUILD" -G Ninja -DCMAKE_BUILD_TYPE=Release -DTRAJOPT_CUDA=ON \
+    -DTRAJOPT_WERROR="${dry:+ON}" -DCMAKE_CUDA_ARCHITECTURES="${CUDAARCHS:-$architectures}" \
+    -DTRAJOPT_TESTS="$tests" -DTRAJOPT_DEVICE_TESTS="$device_tests" -DTRAJOPT_DEVICE_BENCH=ON \
+    "${python[@]}"
+}
 build() {
-  local tests=ON
+  local tests=ON extension=ON device_tests=ON core=python/bindings architectures
+  architectures=$(nvidia-smi --query-gpu=compute_cap --format=csv,noheader 2>/dev/null |
+    tr -dc '0-9\n' | sort -u | paste -sd ';')
+  architectures=${architectures:-native}
   has_header gtest/gtest.h || tests=OFF
-  local architectures=native device_tests=ON core=python/bindings
+  can_extend || extension=OFF
   if [[ -n $dry ]]; then
     architectures=90 device_tests=OFF core=emulated
   fi
-  cmake -S . -B "$BUILD" -G Ninja -DCMAKE_BUILD_TYPE=Release -DTRAJOPT_CUDA=ON -DTRAJOPT_WERROR=ON \
-    -DCMAKE_CUDA_ARCHITECTURES="${CUDAARCHS:-$architectures}" -DTRAJOPT_TESTS=$tests \
-    -DTRAJOPT_DEVICE_TESTS=$device_tests -DTRAJOPT_DEVICE_BENCH=ON \
-    -DPython_EXECUTABLE="$(command -v "$PYTHON")" \
-    -Dpybind11_DIR="$("$PYTHON" -m pybind11 --cmakedir)" &&
-    cmake --build "$BUILD" &&
-    { [[ -z $dry ]] || cmake --build "$BUILD" --target emulated_core; } &&
-    rm -rf "$BUILD/stage" && mkdir -p "$BUILD/stage" && cp -r python/trajopt "$BUILD/stage/" &&
-    cp "$BUILD/$core"/_core*.so "$BUILD/stage/trajopt/"
+  rm -rf "$BUILD"/stage "$BUILD"/device "$BUILD/$core"/_core*.so  # what is not built is not run
+  # What is half there, like a header without its library, is done without.
+  until configure; do
+    rm -f "$BUILD/CMakeCache.txt"
+    if [[ $extension == ON ]]; then
+      extension=OFF
+    elif [[ $tests == ON ]]; then
+      tests=OFF
+    else
+      return 1
+    fi
+    title "build: once more, Python $extension, GoogleTest $tests"
+  done
+  # As much as can be built, whatever cannot.
+  local status=0
+  cmake --build "$BUILD" -- -k 0 || status=1
+  if [[ -n $dry && $tests == ON && $extension == ON ]]; then
+    cmake --build "$BUILD" --target emulated_core || status=1
+  fi
+  if compgen -G "$BUILD/$core/_core*.so" >/dev/null; then
+    mkdir -p "$BUILD/stage" && cp -r python/trajopt "$BUILD/stage/" &&
+      rm -f "$BUILD"/stage/trajopt/_core*.so &&
+      cp "$BUILD/$core"/_core*.so "$BUILD/stage/trajopt/" || status=1
+  fi
+  return $status
 }
 export PYTHONPATH=$BUILD/stage${PYTHONPATH:+:$PYTHONPATH}
 
 if wanted build; then
   try "build" build
-  ((${#failed[@]} == 0)) || { echo "nothing to run"; exit 1; }
+  compgen -G "$BUILD/device/*_device" >/dev/null || { echo "nothing to run"; exit 1; }
 fi
 
-# An editable installation would come first, whatever the path says.
+# Programs in Python need the package that was built; an editable installation would come first,
+# whatever the path says.
+package=
 if wanted test || wanted bench; then
-  found=$("$PYTHON" -c 'import os, trajopt; print(os.path.dirname(trajopt.__file__))')
-  if [[ $found != "$BUILD"/stage/* ]]; then
-    echo "error: $PYTHON imports trajopt from ${found:-nowhere}, not what was built in $BUILD/stage;" \
-      "set PYTHON to one without an installed trajopt"
-    exit 1
+  if [[ -d $BUILD/stage ]]; then
+    found=$("$PYTHON" -c 'from trajopt import _core; print(_core.__file__)')
+    if [[ $found == "$BUILD"/stage/* ]]; then
+      package=1
+    else
+      echo "error: $PYTHON imports trajopt from ${found:-nowhere}, not what was built in" \
+        "$BUILD/stage; set PYTHON to one with numpy and scipy and without an installed trajopt"
+      failed+=("import trajopt")
+    fi
   fi
+  [[ -n $package ]] || skip "all Python programs: no package was built for $PYTHON"
 fi
 
 if wanted test; then
@@ -97,19 +153,26 @@ if wanted test; then
     skip "the checks of $(basename -a "$BUILD"/device/*_device | xargs): no GPU in a dry run"
   else
     for program in "$BUILD"/device/*_device; do
-      try "$(basename "$program") check" "$program" check
+      try "$(basename "$program") check" limited "$program" check
     done
   fi
   if [[ -f $BUILD/tests/cpp/CTestTestfile.cmake ]]; then
     try "ctest: GPU tests" ctest --test-dir "$BUILD" --output-on-failure --no-tests=error \
-      -R '^(cuda|emulated_cuda)\.'
+      --timeout "$LIMIT" -R "^${dry:+(emulated_)?}cuda\."
   else
     skip "the C++ GPU tests: no GoogleTest here"
   fi
-  if has_module pytest; then
+  if [[ -z $package ]]; then
+    :
+  elif has_module pytest; then
     tests=tests/python/cuda
     [[ -z $dry ]] || tests=$tests/test_cuda_batch.py  # what an emulated device does in a minute
-    try "pytest: GPU tests" "$PYTHON" -m pytest -m cuda -p no:cacheprovider $tests
+    if ! has_module mujoco; then  # reads the built-in characters
+      skip "the Python GPU tests but those of the linear algebra: need mujoco (a wheel)"
+      tests=tests/python/cuda/test_cuda_linalg.py
+    fi
+    has_module casadi || skip "the Python GPU tests of users' residuals: need casadi (a wheel)"
+    try "pytest: GPU tests" limited "$PYTHON" -m pytest -m cuda -p no:cacheprovider $tests
   else
     skip "the Python GPU tests: no pytest here"
   fi
@@ -126,7 +189,7 @@ if wanted sanitize; then
       [[ $program == *_test ]] && argument=--gtest_brief=1
       for tool in memcheck racecheck synccheck initcheck; do
         title "compute-sanitizer $tool, $(basename "$program")"
-        timeout 600 compute-sanitizer --tool $tool --error-exitcode 9 "$program" $argument \
+        limited compute-sanitizer --tool $tool --error-exitcode 9 "$program" $argument \
           >"$BUILD/sanitizer.log" 2>&1
         status=$?
         tail -3 "$BUILD/sanitizer.log"
@@ -134,7 +197,7 @@ if wanted sanitize; then
           skip "compute-sanitizer: it does not support this device or its container"
           break 2
         elif ((status == 124)); then
-          skip "compute-sanitizer $tool on $(basename "$program"): not done in ten minutes"
+          skip "compute-sanitizer $tool on $(basename "$program"): not done in $LIMIT seconds"
         elif ((status != 0)); then
           failed+=("compute-sanitizer $tool $(basename "$program")")
         fi
@@ -147,9 +210,10 @@ fi
 
 # Each program prints one JSON object a line.
 measure() {
-  title "$1"
+  local name=$1
   shift
-  "$@" | tee -a "$ROWS" || failed+=("$1")
+  title "$name"
+  limited "$@" | tee -a "$ROWS" || failed+=("$name")
 }
 if wanted bench || wanted peers; then : >"$ROWS"; fi
 if wanted bench; then
@@ -163,8 +227,9 @@ if wanted bench; then
     measure "$(basename "$program")" "$program" bench "$EACH"
   done
   for program in bench/device/*_device.py; do
-    [[ -f $program ]] || continue
-    if has_module mujoco; then  # reads the built-in characters
+    if [[ -z $package ]]; then
+      continue
+    elif has_module mujoco; then  # reads the built-in characters
       measure "$(basename "$program")" "$PYTHON" "$program" "$EACH" $small
     else
       skip "$(basename "$program"): needs mujoco (a wheel)"
@@ -192,6 +257,7 @@ elif wanted peers; then
 fi
 if wanted bench || wanted peers; then
   try "table" "$PYTHON" bench/device/collect.py "$ROWS" "$OUT/device.json" "${left_out[@]}"
+  [[ ! -e $OUT/device.json ]] || [[ $OUT/device.json -ot $ROWS ]] || rm -f "$ROWS"
 fi
 
 title "result"

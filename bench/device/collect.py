@@ -54,7 +54,7 @@ def best(row: dict[str, Any], prefix: str) -> float | None:
         for name, value in row.items()
         if name.startswith(prefix) and name.endswith("_ms") and not name.endswith("median_ms")
     ]
-    return min(found) if found else None
+    return min((value for value in found if value is not None), default=None)
 
 
 def cell(value: float | None) -> str:
@@ -147,9 +147,22 @@ def print_batch(rows: list[dict[str, Any]]) -> None:
         )
 
 
+def read_rows(source: Path) -> list[dict[str, Any]]:
+    """All rows but a last one that its program did not finish."""
+    rows = []
+    for line in source.read_text().splitlines():
+        if not line.startswith("{"):
+            continue
+        try:
+            rows.append(json.loads(line))
+        except json.JSONDecodeError:
+            print(f"no row: {line}")
+    return rows
+
+
 def main() -> int:
     source, target, left_out = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:]
-    rows = [json.loads(line) for line in source.read_text().splitlines() if line.startswith("{")]
+    rows = read_rows(source)
     print_linalg(rows)
     print_solve(rows)
     print_batch(rows)

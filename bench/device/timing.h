@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <functional>
 #include <string>
@@ -70,6 +71,7 @@ class Row {
     return raw(name, quoted);
   }
   Row& number(const char* name, double value) {
+    if (!std::isfinite(value)) return raw(name, "null");
     char digits[32];
     std::snprintf(digits, sizeof digits, "%.6g", value);
     return raw(name, digits);

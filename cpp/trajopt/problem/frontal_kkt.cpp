@@ -1,6 +1,7 @@
 #include "trajopt/problem/frontal_kkt.h"
 
 #include <algorithm>
+#include <string>
 
 #include "trajopt/base/error.h"
 #include "trajopt/base/parallel.h"
@@ -51,6 +52,7 @@ void FrontalKkt::factor(const NodeRows& rows, double epsilon, int threads) {
 void FrontalKkt::factor_and_begin(const NodeRows& rows, double epsilon, double* x, int m,
                                   int threads) {
   factored_ = false;
+  begun_ = 0;
   grow_kept(m);
   FrontSweep* sweeps[] = {&up_, &down_};
   double* kept[] = {kept_up_.data(), kept_down_.data()};
@@ -61,6 +63,7 @@ void FrontalKkt::factor_and_begin(const NodeRows& rows, double epsilon, double* 
     if (sweep->failed_node() >= 0) fail(sweep->failed_node(), sweep->pivot());
   factor_root(rows, epsilon);
   factored_ = true;
+  begun_ = m;
 }
 
 void FrontalKkt::fail(int node, const linalg::Pivot& pivot) const {
@@ -129,16 +132,26 @@ void FrontalKkt::grow_kept(int m) {
 
 void FrontalKkt::solve(double* x, int m, int threads) {
   if (!factored_) throw ArgumentError("solve: there is no factorization, factor() has to succeed");
+  begun_ = 0;
   grow_kept(m);
   const FrontSweep* sweeps[] = {&up_, &down_};
   double* kept[] = {kept_up_.data(), kept_down_.data()};
   parallel_for(2, threads, [&](long k, int) { sweeps[k]->forward(x, m, kept[k]); });
-  finish(x, m, threads);
+  second_half(x, m, threads);
 }
 
 void FrontalKkt::finish(double* x, int m, int threads) {
-  if (!factored_)
+  if (begun_ == 0)
     throw ArgumentError("finish: nothing is begun, factor_and_begin() has to succeed");
+  if (begun_ != m) {
+    throw ArgumentError("finish: m = " + std::to_string(m) + ", expected the " +
+                        std::to_string(begun_) + " columns begun");
+  }
+  begun_ = 0;
+  second_half(x, m, threads);
+}
+
+void FrontalKkt::second_half(double* x, int m, int threads) {
   solve_root(x, m);
   const FrontSweep* sweeps[] = {&up_, &down_};
   double* kept[] = {kept_up_.data(), kept_down_.data()};

@@ -33,7 +33,8 @@ class FrontalKkt {
   void factor(const NodeRows& rows, double epsilon, int threads);
 
   // The same with the first half of solve(x, m), which then reads the factors while they are in
-  // cache, and the second half. A factorization that fails leaves x undefined.
+  // cache, and the second half. A factorization that fails leaves x undefined. finish() throws
+  // ArgumentError unless the last call but residual() was factor_and_begin(), for as many columns.
   void factor_and_begin(const NodeRows& rows, double epsilon, double* x, int m, int threads);
   void finish(double* x, int m, int threads);
 
@@ -56,6 +57,7 @@ class FrontalKkt {
   long product_ld() const { return linalg::padded(2 * primal_ + width_ + 8); }
   long row_count() const { return static_cast<long>(nodes_) * width_; }
   void grow_kept(int m);
+  void second_half(double* x, int m, int threads);
   void factor_root(const NodeRows& rows, double epsilon);
   void add_schur_to_root();
   void solve_root(double* x, int m);
@@ -68,6 +70,7 @@ class FrontalKkt {
   FrontSweep down_, up_;
   int root_node_, root_nodes_;  // the first one, and how many
   bool factored_ = false;
+  int begun_ = 0;  // columns whose first half kept_down_ and kept_up_ hold
   long root_ld_;
   linalg::BlockBuffer root_, root_inverse_, root_packed_, root_before_, root_coupling_;
   linalg::BlockBuffer kept_down_, kept_up_;                     // of solve()

@@ -183,7 +183,7 @@ bool Funnel::accept(double predicted, double tangential, double zeta) {
     record_.gain_ratio = predicted > 0 ? actual / predicted : 0;
     if (trial_.constraint_norm <= funnel_ && actual > 0 && record_.gain_ratio > kAccept)
       return true;
-  } else if (restored >= kRestore * zeta * violation) {
+  } else if (restored > 0 && restored >= kRestore * zeta * violation) {
     record_.gain_ratio = restored / (zeta * violation);
     funnel_ = std::min(funnel_, std::max({0.9 * funnel_, violation - 0.5 * restored, floor()}));
     return true;
@@ -192,7 +192,8 @@ bool Funnel::accept(double predicted, double tangential, double zeta) {
   const double weight = kMeritFactor * steps_.item[kMultiplier];
   const double merit = actual + weight * restored;
   const double expected = std::max(predicted, 0.0) + weight * zeta * violation;
-  if (restored < kRestore * zeta * violation || merit < kMeritShare * expected) return false;
+  if (expected <= 0 || restored < kRestore * zeta * violation || merit < kMeritShare * expected)
+    return false;
   record_.gain_ratio = merit / expected;
   return true;
 }

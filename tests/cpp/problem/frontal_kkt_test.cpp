@@ -160,6 +160,24 @@ TEST_P(Frontal, BeginsASolutionWhileItFactors) {
   }
 }
 
+// What finish() would take for a first half is another one's: of a solve in between, or used up.
+TEST_P(Frontal, OnlyWhatWasBegunIsFinished) {
+  FrontalKkt kkt = make();
+  std::vector<double> x = test::Random(5).vector(2 * matrix_.size());
+  const auto begin = [&] { kkt.factor_and_begin(matrix_.rows, kEpsilon, x.data(), 1, 1); };
+  EXPECT_THROW(kkt.finish(x.data(), 1, 1), ArgumentError);
+  begin();
+  EXPECT_THROW(kkt.finish(x.data(), 2, 1), ArgumentError);
+  kkt.finish(x.data(), 1, 1);
+  EXPECT_THROW(kkt.finish(x.data(), 1, 1), ArgumentError);
+  begin();
+  kkt.solve(x.data(), 2, 1);
+  EXPECT_THROW(kkt.finish(x.data(), 1, 1), ArgumentError);
+  begin();
+  kkt.factor(matrix_.rows, kEpsilon, 1);
+  EXPECT_THROW(kkt.finish(x.data(), 1, 1), ArgumentError);
+}
+
 // A right-hand side's solution and residual do not depend on those beside it.
 TEST_P(Frontal, ColumnsAreIndependent) {
   constexpr int m = 3;

@@ -51,6 +51,7 @@ def test_a_gait_that_repeats_itself():
 
 def bent(goal):
     """A chain that is to move and to bend as a function says."""
+    pytest.importorskip("casadi")
     rows = Residual(
         lambda x2, x1, x: [np.sin(x[7]) - goal, x[3] * x[4], x[8] - 2 * x1[8] + x2[8]],
         weight=5.0,
