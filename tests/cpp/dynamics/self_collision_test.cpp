@@ -60,7 +60,8 @@ TEST(SelfCollision, NoPairIsLostBehindAHull) {
   const long n = 400;
   test::Random random(5);
   const std::vector<double> x = random.vector((n + 2) * m.ndof, 0.8);
-  Physics physics = test::make_physics(Integrator::linear_acceleration), apart = physics;
+  const Physics apart = test::make_physics(Integrator::linear_acceleration);
+  Physics physics = apart;
   physics.self_collision = 10;
   const Forces with = forces(m, physics, x, n), all = forces(every, physics, x, n);
   EXPECT_EQ(with.fd, all.fd);
