@@ -59,6 +59,15 @@ inline void substitute(int size, const T* packed, T* x, int m, long ldx, long ah
 }
 
 template <class T>
+inline void scale(int size, const T* d, T* x, int m) {
+  if (m == 1) return scale_few<1>(size, d, x);
+  if (m == 2) return scale_few<2>(size, d, x);
+  for (int k = 0; k < size; ++k) {
+    for (int j = 0; j < m; ++j) x[static_cast<long>(k) * m + j] *= d[k];
+  }
+}
+
+template <class T>
 inline void subtract_transposed(int rows, int columns, const T* v, long ld, const T* x, T* y, int m,
                                 long ldx, long ldy, long ahead) {
   if (m <= 2 && ldx == m && ldy == m) {

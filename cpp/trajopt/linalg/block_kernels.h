@@ -105,6 +105,9 @@ struct BasicBlockKernels {
   void (*substitute_transposed)(int size, const T* packed, T* x, int m, long ldx, long ahead);
   void (*substitute)(int size, const T* packed, T* x, int m, long ldx, long ahead);
 
+  // Row k of the size x m matrix x times d[k].
+  void (*scale)(int size, const T* d, T* x, int m);
+
   // y -= Vt x (k descending) and y -= V x (k ascending) for the rows x columns matrix V, whose rows
   // are padded to whole vectors or followed by more memory of the same buffer.
   void (*subtract_transposed)(int rows, int columns, const T* v, long ld, const T* x, T* y, int m,

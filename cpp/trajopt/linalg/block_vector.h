@@ -54,6 +54,22 @@ struct RowsOf {
   }
 };
 
+// The `size` rows of x times d. In vectors: where numbers one by one were stored, the vectors that
+// are read next would have to wait.
+template <int M, class T>
+inline void scale_few(int size, const T* d, T* x) {
+  constexpr int W = kWidth<T>;
+  for (int k = 0; k < size; k += W) {
+    const int rows = size - k < W ? size - k : W;
+    const Vec<T> factor = rows == W ? load(d + k) : load(d + k, rows);
+    RowsOf<T, M> row;
+    row.read(x + k * M, rows);
+#pragma GCC unroll 2
+    for (int j = 0; j < M; ++j) row.a[j] = mul(row.a[j], factor);
+    row.write(x + k * M, rows);
+  }
+}
+
 // W rows of a block, of which `rows` exist; asks for the lines `ahead` elements away.
 template <class T>
 TRAJOPT_ALWAYS_INLINE void load_square(const T* square, long ld, int rows, long ahead,

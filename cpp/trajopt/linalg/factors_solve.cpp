@@ -38,10 +38,7 @@ void Factors<T>::backward(int item, const Step& step, T* x, int m) const {
   const long ahead = kAheadBytes / static_cast<long>(sizeof(T));
   trajopt::fetch(inverse(item, step.block) + ahead, lines(size_));
   T* xi = x + static_cast<long>(step.block) * size_ * m;
-  const T* over = inverse(item, step.block);
-  for (int k = 0; k < size_; ++k) {
-    for (int j = 0; j < m; ++j) xi[static_cast<long>(k) * m + j] *= over[k];
-  }
+  kernels_->scale(size_, inverse(item, step.block), xi, m);
   if (step.left >= 0) {
     kernels_->subtract(size_, size_, left_v(item, step.block), v_ld_,
                        x + static_cast<long>(step.left) * size_ * m, xi, m, m, m, ahead);

@@ -20,9 +20,18 @@ const LaneIndex kLaneIndex = make_lane_index();
 
 template <class T>
 constexpr BasicBlockKernels<T> kTable = {
-    eliminate<T>,           update<T>,   transpose_block<T>,       convert<T>,
-    stream_lines<T>,        move<T>,     substitute_transposed<T>, substitute<T>,
-    subtract_transposed<T>, subtract<T>, subtract_symmetric<T>,
+    eliminate<T>,
+    update<T>,
+    transpose_block<T>,
+    convert<T>,
+    stream_lines<T>,
+    move<T>,
+    substitute_transposed<T>,
+    substitute<T>,
+    scale<T>,
+    subtract_transposed<T>,
+    subtract<T>,
+    subtract_symmetric<T>,
 };
 
 extern const BasicBlockKernels<double> kBlockKernels;

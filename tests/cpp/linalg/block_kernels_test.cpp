@@ -230,6 +230,11 @@ void BlockKernelsTest::vectors() const {
     kernels<T>().substitute_transposed(n, packed.data(), actual.data(), m, m, 0);
     reference::substitute_transposed(n, matrix, expected, m);
     expect_same_bits(actual, expected, "substitute_transposed");
+
+    actual = expected = start;
+    kernels<T>().scale(n, w.data(), actual.data(), m);
+    reference::scale(n, matrix, expected, m);
+    expect_same_bits(actual, expected, "scale");
   }
 }
 

@@ -78,6 +78,14 @@ inline void substitute(int size, const MatrixOf<T>& w, MatrixOf<T>& x, int m) {
   }
 }
 
+// Row k of x times d[k].
+template <class T>
+inline void scale(int size, const MatrixOf<T>& d, MatrixOf<T>& x, int m) {
+  for (int k = 0; k < size; ++k) {
+    for (int j = 0; j < m; ++j) x[k * m + j] *= d[k];
+  }
+}
+
 // y -= Vt x for rows x columns V.
 template <class T>
 inline void subtract_transposed(int rows, int columns, const MatrixOf<T>& v, const MatrixOf<T>& x,
