@@ -122,6 +122,7 @@ TRAJOPT_HD inline void add_to_parent(int parent, int j, DynamicsWorkspace<S>& ws
   }
   for (int t = 0; t < 3; ++t) {
     if (!ws.touched[t][j]) continue;
+    // NOLINTNEXTLINE(clang-analyzer-core.NullDereference): there are as many joints as at first
     Wrench<S>& to = ws.wrenches[t][parent];
     const Wrench<S>& from = ws.wrenches[t][j];
     if (ws.touched[t][parent]) {
