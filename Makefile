@@ -91,9 +91,11 @@ format: $(VENV)/extra-dev
 	$(BIN)/ruff format .
 	$(BIN)/clang-format -i $(CPP_FILES)
 
+# Kernels once for every instruction set; bindings without those that need CUDA.
 tidy: $(VENV)/extra-dev
-	cmake --preset cpu
-	$(BIN)/clang-tidy -p build/cpu --quiet $(filter cpp/%.cpp,$(CPP_FILES))
+	cmake --preset cpu -DTRAJOPT_PYTHON=ON -Dpybind11_DIR=$$($(BIN)/python -m pybind11 --cmakedir)
+	$(BIN)/clang-tidy -p build/cpu --quiet \
+	  $(filter-out %/cuda_linalg.cpp,$(filter cpp/%.cpp python/bindings/%.cpp,$(CPP_FILES)))
 
 # Memory, undefined behaviour and races in the C++ tests. Slow: a quarter of an hour each.
 asan: $(VENV)/build-tools

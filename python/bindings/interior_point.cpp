@@ -80,8 +80,10 @@ std::function<void()> tape(const py::dict& d, int copies, int threads) {
 std::function<void()> evaluation(const py::dict& d, const char* key, int copies, int threads) {
   if (py::isinstance<py::dict>(d[key])) return tape(d[key], copies, threads);
   const auto pair = d[key].cast<std::pair<std::uintptr_t, std::uintptr_t>>();
+  // NOLINTBEGIN(performance-no-int-to-ptr): Python knows addresses as numbers only
   const auto call = reinterpret_cast<void (*)(void*)>(pair.first);
   const auto argument = reinterpret_cast<void*>(pair.second);
+  // NOLINTEND(performance-no-int-to-ptr)
   if (!call) throw ArgumentError(std::string(key) + ": the function's address is null");
   return [call, argument] { call(argument); };
 }

@@ -1,7 +1,7 @@
 #include <pybind11/functional.h>
 #include <pybind11/stl.h>
 
-#include <cstring>
+#include <algorithm>
 
 #include "arrays.h"
 #include "bindings.h"
@@ -35,23 +35,26 @@ LocalKind parse_local(const std::string& name) {
   throw ArgumentError("kind = '" + name + "': expected pose, velocity or acceleration");
 }
 
-CallbackObjective make_callback(const std::string& name, int rows, double weight,
-                                const py::function& function) {
-  // Called with the frames (N + 2, nq); returns (N, rows), or with derivatives also (N, rows, 3D).
-  auto call = [function, rows](const double* frames, double* residual, double* jacobian) {
+// The function is called with a copy of the frames (N + 2, nq) and whether derivatives are wanted;
+// it returns residuals (N, rows), and with derivatives also (N, rows, 3D).
+CallbackObjective make_callback(const std::string& name, int rows, double weight, int frames,
+                                const Model& model, const py::function& function) {
+  const long n = frames, nq = model.nq, d = model.ndof;
+  auto call = [=](const double* at, double* residual, double* jacobian) {
     const py::gil_scoped_acquire gil;
-    const auto result =
-        function(reinterpret_cast<std::uintptr_t>(frames), jacobian != nullptr).cast<py::tuple>();
-    const Array r = result[0].cast<Array>();
-    require_shape(r, {-1, rows}, "residual of a callback");
-    std::memcpy(residual, r.data(), r.size() * sizeof(double));
-    if (jacobian != nullptr) {
-      const Array j = result[1].cast<Array>();
-      require_shape(j, {r.shape(0), rows, -1}, "Jacobian of a callback");
-      std::memcpy(jacobian, j.data(), j.size() * sizeof(double));
-    }
+    const py::array_t<double> q({n + 2, nq}, at);
+    const auto result = function(q, jacobian != nullptr).cast<py::tuple>();
+    const auto take = [&](std::size_t k, const std::vector<long>& shape, const char* what,
+                          double* to) {
+      if (k >= result.size()) throw ArgumentError(std::string(what) + " is missing");
+      const Array values = result[k].cast<Array>();
+      require_shape(values, shape, what);
+      std::copy_n(values.data(), values.size(), to);
+    };
+    take(0, {n, rows}, "residual of a callback", residual);
+    if (jacobian != nullptr) take(1, {n, rows, 3 * d}, "Jacobian of a callback", jacobian);
   };
-  return {name, rows, weight, call};
+  return {name, rows, frames, weight, call};
 }
 
 py::dict evaluation_dict(const TrajectoryProblem& p, const Evaluation& e) {
@@ -130,16 +133,11 @@ void register_problem(py::module_& m) {
           "name"_a, "kind"_a, "weight"_a, "dof_weight"_a, "target"_a = py::none())
       .def(
           "add_callback",
-          [](Objective& o, const std::string& name, int rows, double weight,
-             const py::function& function) {
-            o.callbacks.push_back(make_callback(name, rows, weight, function));
+          [](Objective& o, const std::string& name, int rows, double weight, int frames,
+             const Model& model, const py::function& function) {
+            o.callbacks.push_back(make_callback(name, rows, weight, frames, model, function));
           },
-          "name"_a, "rows"_a, "weight"_a, "function"_a);
-
-  m.def("frames_from_address", [](std::uintptr_t address, long frames, long nq) {
-    // Valid during a callback only: the caller copies what it keeps.
-    return py::array_t<double>({frames, nq}, reinterpret_cast<const double*>(address));
-  });
+          "name"_a, "rows"_a, "weight"_a, "frames"_a, "model"_a, "function"_a);
 
   py::class_<TrajectoryProblem>(m, "TrajectoryProblem")
       .def(py::init([](const Model& model, const Physics& physics, const Array& dt,

@@ -239,6 +239,7 @@ void register_solver(py::module_& m) {
           throw ArgumentError("time_requests: as many states as problems are needed, at least one");
         }
         std::vector<State> states;
+        states.reserve(starts.size());
         for (const Array& a : starts) states.emplace_back(a.data(), a.data() + a.size());
         std::vector<BatchMember> members;
         for (std::size_t i = 0; i < states.size(); ++i)

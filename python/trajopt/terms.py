@@ -270,7 +270,9 @@ class TermBuilder:
         share = self.all_frames(weight * self.factor)
         traced = TracedResidual(trace, self.model, self.core, self.scales, share)
         self.residuals[self._label] = traced
-        self.objective.add_callback(self._label, traced.rows, 1.0, traced.evaluate)
+        self.objective.add_callback(
+            self._label, traced.rows, 1.0, self.frames, self.core, traced.at
+        )
 
     def _scaled(self, x: FloatArray) -> FloatArray:
         return x / self.scales.coordinate

@@ -81,13 +81,8 @@ class TracedResidual:
         self.rows = trace.rows
         self._core, self._scales = core, scales
         self._frames, self._root = len(weight), np.sqrt(weight)[:, None]
-        self._nq = core.nq
         self._balls = ball_slices(model)
         self._value, self._both = trace.value.map(self._frames), trace.both.map(self._frames)
-
-    def evaluate(self, address: int, derivatives: bool) -> tuple[FloatArray, ...]:
-        """Do what `at` does for the core's frames at an address."""
-        return self.at(_core.frames_from_address(address, self._frames + 2, self._nq), derivatives)
 
     def at(self, q: FloatArray, derivatives: bool) -> tuple[FloatArray, ...]:
         """Return residuals (N, rows) and, if asked, their Jacobians (N, rows, 3 D).

@@ -34,7 +34,7 @@ def make_problem(formulation="frames", threads=1, callback=None):
     objective.add_dense("effort", "effort", 1e-3 * weight)
     objective.add_local("smoothness", "acceleration", 1e-2 * weight, np.ones(model.ndof))
     if callback is not None:
-        objective.add_callback("callback", 1, 0.5, callback)
+        objective.add_callback("callback", 1, 0.5, FRAMES, core, callback)
     problem = _core.TrajectoryProblem(
         model=core,
         physics=physics,
@@ -86,9 +86,8 @@ def test_same_bits_for_every_instruction_set_and_thread_count(formulation):
 
 @pytest.mark.parametrize("formulation", ["frames", "spline"])
 def test_gradient_with_a_callback_term(formulation):
-    def callback(address, derivatives):
-        ndof = trajopt.load_model("chain").ndof
-        frames = _core.frames_from_address(address, FRAMES + 2, ndof + 1)
+    def callback(frames, derivatives):
+        ndof = frames.shape[1] - 1
         residual = (frames[2:, 0] - 2 * frames[1:-1, 1] * frames[:-2, 2])[:, None]
         if not derivatives:
             return (residual,)
@@ -110,6 +109,34 @@ def test_gradient_with_a_callback_term(formulation):
         h = 1e-5
         numeric = (objective(h) - objective(-h)) / (2 * h)
         assert numeric == pytest.approx(gradient @ direction, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "jacobian", "message"),
+    [
+        (FRAMES + 1, (FRAMES, 1, 3), "residual of a callback has shape"),
+        (FRAMES, (FRAMES, 1, 3), "Jacobian of a callback has shape"),
+        (FRAMES, None, "Jacobian of a callback is missing"),
+    ],
+)
+def test_what_a_callback_returns_has_to_fit(rows, jacobian, message):
+    def callback(frames, derivatives):
+        assert derivatives
+        residual = np.zeros((rows, 1))
+        return (residual,) if jacobian is None else (residual, np.zeros(jacobian))
+
+    problem, state = make_problem(callback=callback)
+    with pytest.raises(ValueError, match=message):
+        problem.linearize(state)
+
+
+def test_a_state_has_to_fit():
+    problem, state = make_problem()
+    for wrong in (state[:-1], np.append(state, 0.0)):
+        with pytest.raises(ValueError, match="state holds"):
+            problem.evaluate(wrong)
+        with pytest.raises(ValueError, match="state holds"):
+            _core.solve_funnel(problem, wrong)
 
 
 @pytest.mark.parametrize("formulation", ["frames", "spline"])

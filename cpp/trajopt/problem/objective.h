@@ -37,6 +37,7 @@ struct LocalObjective {
 struct CallbackObjective {
   std::string name;
   int rows;
+  int frames;  // N
   double weight;
   std::function<void(const double* frames, double* residual, double* jacobian)> evaluate;
 };

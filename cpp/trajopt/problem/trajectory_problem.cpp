@@ -14,6 +14,52 @@
 
 namespace trajopt {
 
+namespace {
+
+void check_size(const std::string& name, std::size_t size, std::size_t expected) {
+  if (size == expected) return;
+  throw ArgumentError(name + " holds " + std::to_string(size) + " numbers, expected " +
+                      std::to_string(expected));
+}
+
+}  // namespace
+
+// The kernels read all of these without looking.
+void TrajectoryProblem::check_sizes() const {
+  if (frame_count_ < 1) {
+    throw ArgumentError("dt holds " + std::to_string(dt_.size()) +
+                        " steps, expected at least 2: one before the first frame");
+  }
+  const std::size_t n = frame_count_, d = model_.ndof, nq = model_.nq;
+  check_size("initial", initial_.size(), 2 * nq);
+  check_size("velocity", velocity_.size(), d);
+  const auto check_term = [&](const auto& term, std::size_t target, bool needed) {
+    check_size("weight of term '" + term.name + "'", term.weight.size(), n);
+    if (needed || !term.target.empty())
+      check_size("target of term '" + term.name + "'", term.target.size(), target);
+  };
+  for (const DenseObjective& term : objective_.dense) {
+    check_term(term, 3 * n, false);
+    const int joints = static_cast<int>(model_.joints.size());
+    if (term.term.joint < 0 || term.term.joint >= joints) {
+      throw ArgumentError("joint of term '" + term.name + "' is " +
+                          std::to_string(term.term.joint) + ", the model has " +
+                          std::to_string(joints));
+    }
+  }
+  for (const LocalObjective& term : objective_.local) {
+    const bool pose = term.kind == LocalKind::pose;
+    check_term(term, n * (pose ? nq : d), pose);
+    check_size("dof_weight of term '" + term.name + "'", term.dof_weight.size(), d);
+  }
+  for (const CallbackObjective& term : objective_.callbacks) {
+    if (term.rows >= 0 && term.frames == frame_count_) continue;
+    throw ArgumentError("term '" + term.name + "' has " + std::to_string(term.rows) +
+                        " rows of each of " + std::to_string(term.frames) + " frames, expected " +
+                        std::to_string(n) + " frames");
+  }
+}
+
 TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::vector<double> dt,
                                      Objective objective, std::vector<double> initial,
                                      std::vector<double> velocity, const ProblemOptions& options)
@@ -25,6 +71,7 @@ TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::v
       velocity_(std::move(velocity)),
       options_(options),
       frame_count_(static_cast<int>(dt_.size()) - 1) {
+  check_sizes();
   const int d = model_.ndof, m = static_cast<int>(model_.unactuated.size());
   if (options_.formulation == Formulation::spline) {
     if (options_.frames_per_knot < 2) {  // a velocity would move no frame
@@ -74,6 +121,14 @@ TrajectoryProblem::TrajectoryProblem(Model model, const Physics& physics, std::v
   items_.resize(n);
 }
 
+std::size_t TrajectoryProblem::state_size() const {
+  return static_cast<std::size_t>(nodes_) * (model_.nq + (spline_ ? model_.ndof : 0));
+}
+
+void TrajectoryProblem::check_state(const State& state) const {
+  check_size("state", state.size(), state_size());
+}
+
 State TrajectoryProblem::state_from_frames(const double* frames) const {
   const int nq = model_.nq, d = model_.ndof;
   if (!spline_) return State(frames, frames + static_cast<std::size_t>(frame_count_) * nq);
@@ -93,6 +148,7 @@ ControlPoints TrajectoryProblem::control_points(const State& state) const {
 }
 
 void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frames) const {
+  check_state(state);
   const int nq = model_.nq;
   frames.resize(static_cast<std::size_t>(frame_count_ + 2) * nq);
   std::copy(initial_.begin(), initial_.end(), frames.begin());
@@ -110,6 +166,7 @@ void TrajectoryProblem::frames_of(const State& state, std::vector<double>& frame
 }
 
 void TrajectoryProblem::retract(const State& state, const double* step, State& out) const {
+  check_state(state);
   out.resize(state.size());
   const ModelView model = view(model_);
   if (spline_) {

@@ -63,9 +63,11 @@ class TrajectoryProblem {
  public:
   // dt: N + 1 steps, dt[i] = t_i - t_{i-1}, i = 0..N. initial: x_{-1}, x_0 as 2 x nq.
   // velocity: D, scaled to a segment (spline only: half of the fixed control point 0).
+  // Throws ArgumentError where sizes do not fit.
   TrajectoryProblem(Model model, const Physics& physics, std::vector<double> dt,
                     Objective objective, std::vector<double> initial, std::vector<double> velocity,
                     const ProblemOptions& options);
+  TrajectoryProblem(const TrajectoryProblem&) = delete;  // the spline refers to the model
 
   const Model& model() const { return model_; }
   const Physics& physics() const { return physics_; }
@@ -86,6 +88,8 @@ class TrajectoryProblem {
   const std::vector<double>& velocity() const { return velocity_; }
   FrameInput frame_input(const double* frames, double augmentation) const;
 
+  // All that take a State throw ArgumentError where it has another size than this.
+  std::size_t state_size() const;
   State state_from_frames(const double* frames) const;                     // N x nq: x_1 .. x_N
   void frames_of(const State& state, std::vector<double>& frames) const;   // (N + 2) x nq
   void retract(const State& state, const double* step, State& out) const;  // step: nodes x primal
@@ -103,6 +107,8 @@ class TrajectoryProblem {
     std::vector<double> cost, residual, jacobian;  // N, N x rows, N x rows x 3 x D
   };
 
+  void check_sizes() const;
+  void check_state(const State& state) const;
   ControlPoints control_points(const State& state) const;
   void run(const State& state, double augmentation, Evaluation& out, Linearization* lin);
   void run_frames(const FrameInput& in, Evaluation& out, Linearization* lin);

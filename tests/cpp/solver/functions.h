@@ -36,7 +36,7 @@ inline CallbackObjective height_function(const Model& model, int frames, double 
       j[2 * d + 1] = 1;
     }
   };
-  return {"height", 3, 0.3, evaluate};
+  return {"height", 3, frames, 0.3, evaluate};
 }
 
 // One row: the speed of the base along x.
@@ -52,7 +52,7 @@ inline CallbackObjective speed_function(const Model& model, int frames, double s
       j[d] = -5;
     }
   };
-  return {"speed", 1, 0.7, evaluate};
+  return {"speed", 1, frames, 0.7, evaluate};
 }
 
 // Two functions beside every other term. `calls` counts those of the first.
