@@ -71,9 +71,10 @@ TEST(Sizes, OfAState) {
   for (Formulation formulation : {Formulation::frames, Formulation::spline}) {
     const test::Case c = test::make_case({.formulation = formulation, .frames = kFrames});
     EXPECT_EQ(c.problem->state_size(), c.state.size());
-    for (int change : {-1, 1}) {
-      State state = c.state, moved;
-      state.resize(c.state.size() + change);
+    State longer = c.state, shorter = c.state, moved;
+    longer.push_back(0.0);
+    shorter.pop_back();
+    for (const State& state : {longer, shorter}) {
       Evaluation e;
       Linearization lin;
       const std::vector<double> step(
