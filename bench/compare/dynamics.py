@@ -1,7 +1,7 @@
 """Frame dynamics and a whole iteration against pinocchio and Crocoddyl, interleaved, on one core.
 
     pip install pin crocoddyl
-    OMP_NUM_THREADS=1 python bench/compare/dynamics.py [--rounds 9] [--out FILE] [--scaling]
+    OMP_NUM_THREADS=1 python -m bench.compare dynamics [--rounds 9] [--out FILE]
 
 Ours: residual FD and its three Jacobians by frames i, i-1, i-2 (`Model.dynamics_jacobians`; the
 core's batch call, all frames of a motion at once). Theirs: `computeRNEADerivatives`, which gives
@@ -236,36 +236,11 @@ def add_iteration(best: Best) -> None:
     best.add("iteration: crocoddyl", theirs)
 
 
-def scaling(rounds: int) -> dict[str, float]:
-    """Microseconds a frame of one iteration of mammal-walk as the motion gets longer."""
-    out = {}
-    for frames in (400, 1000, 4000, 10000, 30000, 100000):
-        model = trajopt.load_model("mammal")
-        problem = trajopt.Problem(model, duration=frames * DT, dt=DT)
-        problem.add(
-            trajopt.objectives.CenterOfMassVelocity(velocity=[0.3, 0.0, 0.0], start=1.0),
-            trajopt.objectives.ControlEffort(weight=0.1),
-            trajopt.objectives.Smoothness(weight=5e-3),
-            trajopt.objectives.ContactForceRate(weight=0.03),
-            trajopt.objectives.ContactSlip(weight=100.0),
-        )
-        history = trajopt.solve(problem, seed=0, threads=1, max_iterations=max(rounds, 3)).history
-        best = min(sum(r.seconds.values()) for r in history)
-        phases = {
-            phase: min(r.seconds[phase] for r in history) / frames * 1e6
-            for phase in history[0].seconds
-        }
-        out[str(frames)] = {"iteration": best / frames * 1e6, **phases}
-        print(f"N = {frames}: " + ", ".join(f"{k} {v:.2f}" for k, v in out[str(frames)].items()))
-    return out
-
-
-def main() -> None:
+def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rounds", type=int, default=9)
     parser.add_argument("--out", type=Path, default=RESULTS / "dynamics.json")
-    parser.add_argument("--scaling", action="store_true", help="time per frame up to N = 100,000")
-    args = parser.parse_args()
+    args = parser.parse_args(arguments)
 
     best = Best()
     add_call(best)
@@ -315,10 +290,8 @@ def main() -> None:
         f"iteration, D 18, N {NODES}: {iteration['trajopt_ms']:.2f} ms, "
         f"Crocoddyl {iteration['crocoddyl_ms']:.1f} ms"
     )
-    if args.scaling:
-        results["scaling_us_per_frame"] = scaling(3)
     write(args.out, results)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
